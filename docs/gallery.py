@@ -23,7 +23,7 @@ from simrob_drake.base.files import models_root
 from simrob_drake.programs.whole_program import run_whole
 from simrob_drake.results.animation.camera import side, walked_displacement
 from simrob_drake.results.animation.pictures import Studio, captions_of, side_by_side
-from simrob_drake.results.result import joined
+from simrob_drake.results.result import join_runs
 from simrob_drake.robots.catalog import robot_names
 
 DOCS = Path(__file__).parent
@@ -124,7 +124,7 @@ def shown(station: str) -> Sequence[SimulationResult]:
 
 def save_pictures(station: str) -> list[Path]:
     """Write a small picture of a station's run, and a clip of some."""
-    run = joined(shown(station))
+    run = join_runs(shown(station))
     walks = station in WALKS or station.endswith(("_walking", "_terrain"))
     picture = walk_picture(run, height=WALK_HEIGHT) if walks else strip(run, azimuth=azimuth(station, run))
     files = [DOCS / "gallery" / f"{station}.png"]

@@ -22,7 +22,7 @@ def run() -> tuple[SimulationResult, list[LeggedRobot]]:
     """Return the run of all three at once, and the robots."""
     cell = Workcell("three_humanoids")
     robots = [LeggedRobot(cell, name) for name in cell.config.robots]
-    planned = {robot.name: robot.planned(PROGRAM) for robot in robots}
+    planned = {robot.name: robot.reference_of(PROGRAM) for robot in robots}
     duration = max(time for _, time in planned.values())
     return cell.follow(
         {name: reference for name, (reference, _) in planned.items()}, duration

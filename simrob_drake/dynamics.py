@@ -1,9 +1,12 @@
-r"""The equations of motion of a robot, and what its motors can hold.
+r"""Equations of motion of a robot, and the payloads that its motors can hold.
+
+The torques of the motors are
 
 .. math:: \tau = M(q)\,a + C(q, v)\,v + g(q) + d\,v + c\,\mathrm{sat}(v / v_s)
 
-are the torques of the motors: inertia with that of their rotors, centrifugal and Coriolis terms, weight, viscous and
-Coulomb friction. Drake computes M, C v, g and Jacobians.
+with the inertia M of the links and of the motors' rotors, centrifugal and Coriolis terms C v, the weight g, viscous
+friction d v, and Coulomb friction with the torque c, which changes its sign over the speed :math:`v_s`. Drake computes
+M, C v, g and Jacobians.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,24 +27,43 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.parse import held_robot
 
 _SPEEDS = JacobianWrtVariable.kV
+"""Drake's name for Jacobians that are multiplied by the velocities v, not by the rates of the positions."""
+
 _PARTS = {"all": slice(0, 6), "translation": slice(0, 3), "rotation": slice(3, 6)}
-_FIRST_LOOKS, _SWEEPS, _ANGLES = 500, 3, 25
-"""Postures that are tried for the weakest one, and how often and how finely each axis is searched from there."""
-_ROUNDING = 1e-9  # excess of a limit that is due to rounding [rad or m]
-_NOTHING = 1e-9  # a joint that a kilogram loads by less does not feel it [N·m or N]
+"""Rows of the Jacobian for each part of the tool's velocity."""
+
+_RANDOM_POSTURES = 500
+"""Count of the random postures with which the search for the weakest posture begins."""
+
+_CANDIDATES = 3
+"""Count of the weakest of these postures from which the search continues."""
+
+_SWEEPS = 3
+"""Number of times that the search goes through all axes."""
+
+_ANGLES = 25
+"""Count of the positions at which each axis is tried."""
+
+_ROUNDING = 1e-9
+"""Excess of a limit that is due to rounding [rad or m]."""
+
+_NOTHING = 1e-9
+"""Load of a joint by one kilogram at the tool below which the joint carries nothing of the payload [N·m or N]."""
 
 
 class Dynamics:
-    """A robot's dynamics, its root held; every other joint of its plant rests.
+    """Dynamics of a robot whose root is fixed. All joints of its plant that are no axes of the robot are at rest.
 
-    ``q``, ``v``, ``a`` and torques are of shape (n,), or (k, n) for rows of postures, which give rows of results; in
-    axis order and sense, SI units. All but postures may be one number for all axes.
+    Positions ``q``, velocities ``v``, accelerations ``a`` and torques are arrays (n,), or (k, n) for k postures, which
+    give k results. They are in the order and the sense of the axes, in SI units. Everything but the positions may be a
+    single number for all axes.
 
     Attributes:
-        name: of the robot.
-        axes: their names, in order.
-        torque_limit: of the motors, shape (n,) [N·m or N].
-        friction: Coulomb's c, shape (n,) [N·m or N]; ``friction_speed`` is v_s [rad/s or m/s].
+        name: name of the robot.
+        axes: names of the axes, in order.
+        torque_limit: largest torques of the motors, shape (n,) [N·m or N].
+        friction: torque c of the Coulomb friction, shape (n,) [N·m or N].
+        friction_speed: speed v_s at which the Coulomb friction has its full torque [rad/s or m/s].
     """
 
     def __init__(
@@ -54,23 +76,28 @@ class Dynamics:
         torque_limit: Vector | None = None,
         positions: Vector | None = None,
     ) -> None:
-        """Look at a robot in a finalized plant.
+        """Make the dynamics of a robot in a finalized plant.
 
         Args:
-            model: what it is.
-            plant: where it stands, with what it carries.
-            joints: of its axes, in order.
-            tool: the frame of the tool, for Jacobians and payloads.
-            torque_limit: shape (n,); the URDF's efforts unless given.
-            positions: of the whole plant, shape (nq,); for what stands around. Its default ones unless given.
+            model: the robot's model.
+            plant: the plant, with the robot and the pieces that it carries.
+            joints: the joints of its axes, in order.
+            tool: the frame of the tool, for Jacobians and payloads; None if the robot has no tool.
+            torque_limit: largest torques of the motors, shape (n,) [N·m or N]. If it is None, they are the efforts of
+                the URDF.
+            positions: positions of the whole plant, shape (nq,), for the bodies around the robot. If it is None, they
+                are the default positions of the plant.
         """
-        self.name, self.axes = model.name, list(model.axes)
+        self.name = model.name
+        self.axes = list(model.axes)
         self.torque_limit = model.efforts if torque_limit is None else torque_limit
-        self.friction, self.friction_speed = model.friction, model.drives.friction_speed
+        self.friction = model.friction
+        self.friction_speed = model.drives.friction_speed
         self._model = model
         self._fingers = model.fingers
         self._range = model.axis_limits
-        self._plant, self._tool = plant, tool
+        self._plant = plant
+        self._tool = tool
         self._map = AxisMap.of_joints(plant, joints, model.signs)
         self._context = plant.CreateDefaultContext()
         if positions is not None:
@@ -78,18 +105,19 @@ class Dynamics:
 
     @classmethod
     def of_robot(cls, robot: str | Path | RobotModel, tool: str | None = None) -> "Dynamics":
-        """Return the dynamics of a robot alone.
+        """Make the dynamics of a robot without anything around it.
 
         Args:
             robot: a name of ``simrob list``, the path of a `robot.yaml` or of any URDF, or a robot that was read.
-            tool: which of its tools; the first unless given.
+            tool: name of the tool. If it is None, it is the robot's first tool, if the robot has one.
 
         Raises:
-            SimrobError: no such robot or tool, or a file that cannot be read.
+            SimrobError: there is no such robot or tool, the file cannot be read, or a moving link has no inertia.
         """
         model = robot if isinstance(robot, RobotModel) else read_robot(robot)
         if tool is not None:
             one_of(message("base.tool_of", "tool of {model}", model=model.name), tool, model.tools)
+        # The mass matrix of such a robot is singular, or belongs to another robot than the real one.
         if model.links_without_inertia:
             lacking = ", ".join(model.links_without_inertia)
             raise InvalidParameter(
@@ -97,7 +125,7 @@ class Dynamics:
                 model.name,
                 message(
                     "dynamics.links_with_inertia",
-                    "one whose moving links have inertia; {lacking} have none",
+                    "a robot whose moving links have inertia; {lacking} have none",
                     lacking=lacking,
                 ),
             )
@@ -116,63 +144,74 @@ class Dynamics:
         return f"<{type(self).__name__} of {self.name}: {len(self.axes)} axes, {tool}>"
 
     def inertia(self, q: npt.ArrayLike) -> Vector:
-        """Return the inertia matrix M, shape (n, n), with the inertia of the rotors."""
+        """Compute the inertia matrix M, shape (n, n), with the inertia of the rotors."""
         return self._each(self._inertia, q)
 
     def coriolis(self, q: npt.ArrayLike, v: npt.ArrayLike) -> Vector:
-        """Return the matrix C of centrifugal and Coriolis terms, shape (n, n), by the symbols of Christoffel.
+        """Compute the matrix C of centrifugal and Coriolis terms, shape (n, n), from Christoffel symbols.
 
-        So dM/dt - 2 C is skew. Twice the entries of a quadratic form follow from two of its values, without error:
-        4 C e_j = b(v + e_j) - b(v - e_j) with b(v) = C v.
+        With this choice of C, dM/dt - 2 C is skew-symmetric. Drake computes only the vector b(v) = C(q, v) v, which is
+        a quadratic form of the velocities. The difference of two of its values gives a column of C without an error of
+        truncation: 4 C e_j = b(v + e_j) - b(v - e_j), where e_j is the unit vector of the axis j.
         """
 
         def matrix(velocity: Vector) -> Vector:
-            pairs = [
-                (self._bias(velocity + e) - self._bias(velocity - e)) / 4
-                for e in np.eye(len(self.axes))
-            ]
-            return np.column_stack(pairs)
+            """Compute C in the present posture of the plant."""
+            columns = []
+            for unit in np.eye(len(self.axes)):
+                difference = self._bias(velocity + unit) - self._bias(velocity - unit)
+                columns.append(difference / 4)
+            return np.column_stack(columns)
 
         return self._each(matrix, q, v=v)
 
     def gravity(self, q: npt.ArrayLike) -> Vector:
-        """Return the torques g that hold the robot against its weight, shape (n,)."""
+        """Compute the torques g that hold the robot against its weight, shape (n,)."""
         return self._each(self._gravity, q)
 
     def inverse_dynamics(
         self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
     ) -> Vector:
-        """Return the torques of a motion, shape (n,), friction included."""
+        """Compute the torques that a motion needs, shape (n,), friction included."""
         return self._each(self._torques, q, v=v, a=a)
 
     def forward_dynamics(
         self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, torque: npt.ArrayLike = 0.0
     ) -> Vector:
-        """Return the accelerations that torques of the motors give, shape (n,)."""
+        """Compute the accelerations that torques of the motors cause, shape (n,)."""
 
         def accelerations(velocity: Vector, torque: Vector) -> Vector:
+            """Solve M a = torque - (torque at zero acceleration) in the present posture of the plant."""
             rest = torque - self._torques(velocity, np.zeros_like(velocity))
             return np.asarray(np.linalg.solve(self._inertia(), rest))
 
         return self._each(accelerations, q, v=v, torque=torque)
 
     def jacobian(self, q: npt.ArrayLike) -> Vector:
-        """Return what the axes' speeds give of the tool's, shape (6, n).
+        """Compute the Jacobian of the tool, shape (6, n): the tool's velocity is the Jacobian times the axes' speeds.
 
-        Rows: velocity of the tool centre point along x, y, z of the world, then angular velocity about them.
+        The rows are the velocity of the tool centre point along x, y and z of the world, then the angular velocity
+        about x, y and z.
 
         Raises:
-            InvalidParameter: a robot without a tool.
+            InvalidParameter: the robot has no tool.
         """
         return self._each(self._jacobian, q)
 
     def manipulability(
         self, q: npt.ArrayLike, part: Literal["all", "translation", "rotation"] = "all"
     ) -> Vector | float:
-        """Return Yoshikawa's measure of a posture, the volume of the ellipsoid of its tool's velocities.
+        """Compute Yoshikawa's manipulability: the volume of the ellipsoid of the tool's velocities, up to a factor.
 
-        It is the product of the Jacobian's singular values, sqrt(det(J J')) of an arm with six axes or more; of the
-        tool's ``translation`` or ``rotation`` alone, too. Zero is a singularity.
+        It is the product of the Jacobian's singular values, which is sqrt(det(J J')) for an arm with at least six axes.
+        It is zero in a singularity.
+
+        Args:
+            q: positions of the axes.
+            part: which rows of the Jacobian count: all, or only those of the tool's translation or rotation.
+
+        Raises:
+            InvalidParameter: the robot has no tool.
         """
         rows = _PARTS[one_of(message("dynamics.part", "part"), part, _PARTS)]
         values = np.linalg.svd(self.jacobian(q)[..., rows, :], compute_uv=False).prod(axis=-1)
@@ -181,37 +220,50 @@ class Dynamics:
     def torque_margin(
         self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
     ) -> Vector:
-        """Return what a motion leaves of each motor's limit, shape (n,) [N·m or N]; negative where it asks for more."""
+        """Compute the part of each motor's limit that a motion leaves, shape (n,) [N·m or N].
+
+        It is negative if the motion needs more torque than the motor has.
+        """
         return np.asarray(self.torque_limit - np.abs(self.inverse_dynamics(q, v, a)))
 
     def payload(self, q: npt.ArrayLike, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0) -> Vector:
-        """Return the mass that each motor could carry at the tool centre point besides, shape (n,) [kg].
+        """Compute the additional point mass at the tool centre point that each motor could carry, shape (n,) [kg].
 
-        The least is what the robot can: as a point mass, at rest unless there is motion. It is infinite where a load
-        does not act on the joint or the axis is passive, and 0 where the motor is too weak without one.
+        The payload of the robot is the least of these masses. A mass is infinite if the load does not act on the joint,
+        or if the axis is passive. It is 0 if the motor is too weak even without a load.
+
+        Args:
+            q: positions of the axes.
+            v: velocities of the axes. By default the robot is at rest.
+            a: accelerations of the axes.
+
+        Raises:
+            InvalidParameter: the robot has no tool.
         """
         return self._each(self._payload, q, v=v, a=a)
 
     def weakest_posture(self) -> Vector:
-        """Return where within its limits the robot holds the least payload at rest, shape (n,) [rad or m].
+        """Search the posture within the limits in which the robot holds the least payload at rest (n,) [rad or m].
 
-        Joints that follow others, and the fingers of a gripper, are where their gears take them. A search: five
-        hundred postures of chance, and from the worst three along one axis after the other.
+        The search begins with random postures, and improves the worst of them along one axis after the other. It is the
+        same each time. Followers, and the fingers of a gripper, are where their gears take them.
         """
+        # An axis may turn several times; one turn contains all different postures.
         lower, upper = np.clip(self._range, -np.pi, np.pi)
         random = np.random.default_rng(0)
-        looks = self._with_gears(random.uniform(lower, upper, (_FIRST_LOOKS, len(self.axes))))
-        worst = looks[np.argsort(self._least_payload(looks))[:3]]
+        first = self._with_gears(random.uniform(lower, upper, (_RANDOM_POSTURES, len(self.axes))))
+        worst = first[np.argsort(self._least_payload(first))[:_CANDIDATES]]
         for _ in range(_SWEEPS):
             for axis in range(len(self.axes)):
-                rows = np.repeat(worst[:, np.newaxis], _ANGLES + 1, axis=1)
-                rows[:, 1:, axis] = np.linspace(lower[axis], upper[axis], _ANGLES)
-                rows = self._with_gears(rows)
-                found = self._least_payload(rows.reshape(-1, len(self.axes))).reshape(
-                    len(worst), -1
-                )
-                worst = rows[np.arange(len(worst)), found.argmin(axis=1)]
-        return np.asarray(worst[self._least_payload(worst).argmin()]) + 0.0  # no -0
+                # Entry 0 remains the posture itself, so that no step of the search finds a larger payload.
+                trials = np.repeat(worst[:, np.newaxis], _ANGLES + 1, axis=1)
+                trials[:, 1:, axis] = np.linspace(lower[axis], upper[axis], _ANGLES)
+                trials = self._with_gears(trials)
+                payloads = self._least_payload(trials.reshape(-1, len(self.axes)))
+                best_of_each = payloads.reshape(len(worst), -1).argmin(axis=1)
+                worst = trials[np.arange(len(worst)), best_of_each]
+        # Adding 0.0 turns -0.0 into 0.0.
+        return np.asarray(worst[self._least_payload(worst).argmin()]) + 0.0
 
     def _with_gears(self, postures: Vector) -> Vector:
         """Move fingers and followers in postures (..., n) [rad or m] to where their gears take them.
@@ -223,6 +275,7 @@ class Dynamics:
         geared = postures.copy()
         openness: Vector | None = None
         for axis, (closed, opened) in self._fingers.items():
+            # The first finger decides how far all fingers are open.
             if openness is None:
                 openness = (postures[..., axis] - closed) / (opened - closed)
             geared[..., axis] = closed + openness * (opened - closed)
@@ -241,7 +294,20 @@ class Dynamics:
     def _each(
         self, compute: Callable[..., Vector], q: npt.ArrayLike, **others: npt.ArrayLike
     ) -> Vector:
-        """Compute for each posture, with the plant in it, from the other rows."""
+        """Compute a quantity for each posture.
+
+        Args:
+            compute: function that computes the quantity in the present posture of the plant. Its arguments are one row
+                of each of ``others``, in their order.
+            q: positions of the axes, shape (n,) or (k, n).
+            **others: velocities, accelerations or torques by name: a number, or shape (n,) or that of ``q``.
+
+        Returns:
+            the quantity, or an array with the quantity of each of the k postures.
+
+        Raises:
+            InvalidParameter: positions or other values have another shape, or are not finite.
+        """
         rows = finite(q)
         count = len(self.axes)
         if not rows.size or rows.ndim not in (1, 2) or rows.shape[-1] != count:
@@ -250,10 +316,11 @@ class Dynamics:
                 quoted(q),
                 message(
                     "base.finite_numbers_for_axes",
-                    "{count} finite numbers, or rows of as many, one an axis",
+                    "{count} finite numbers, one for each axis, or rows of them",
                     count=count,
                 ),
             )
+        # One row of values for each posture.
         spread = []
         for name, values in others.items():
             found = finite(values)
@@ -263,7 +330,7 @@ class Dynamics:
                     quoted(values),
                     message(
                         "dynamics.number_or_as_many",
-                        "a finite number, or as many as q has: {shape}",
+                        "one finite number, or an array of the shape of q: {shape}",
                         shape=rows.shape,
                     ),
                 )
@@ -275,24 +342,33 @@ class Dynamics:
         return np.array(results) if rows.ndim > 1 else np.asarray(results[0])
 
     def _set_velocities(self, velocity: Vector) -> None:
+        """Set the velocities of the axes (n,) in the plant."""
         self._plant.SetVelocities(self._context, self._map.spread_velocities(velocity))
 
     def _inertia(self) -> Vector:
+        """Inertia matrix of the axes (n, n) in the present posture."""
+        # The map takes the entries of the axes out of each row. The transpose has the columns as rows.
         columns = self._map.efforts(self._plant.CalcMassMatrix(self._context))
         return self._map.efforts(columns.T)
 
     def _bias(self, velocity: Vector) -> Vector:
+        """Centrifugal and Coriolis torques C v (n,) in the present posture."""
         self._set_velocities(velocity)
         return self._map.efforts(self._plant.CalcBiasTerm(self._context))
 
     def _gravity(self) -> Vector:
+        """Torques g (n,) that hold the weight in the present posture."""
+        # Drake's generalized forces are those of gravity itself, which the motors must balance.
         return -self._map.efforts(self._plant.CalcGravityGeneralizedForces(self._context))
 
     def _torques(self, velocity: Vector, acceleration: Vector) -> Vector:
-        plant, context = self._plant, self._context
+        """Torques (n,) of a motion in the present posture: the equation at the top of this module."""
+        plant = self._plant
+        context = self._context
         self._set_velocities(velocity)
+        # Weight and viscous friction are forces of the plant. Coulomb friction is not, and is added below.
         forces = MultibodyForces(plant)
-        plant.CalcForceElementsContribution(context, forces)  # weight and viscous friction
+        plant.CalcForceElementsContribution(context, forces)
         torque = plant.CalcInverseDynamics(
             context, self._map.spread_velocities(acceleration), forces
         )
@@ -301,44 +377,57 @@ class Dynamics:
         )
 
     def _jacobian(self) -> Vector:
-        plant, world = self._plant, self._plant.world_frame()
-        jacobian = plant.CalcJacobianSpatialVelocity(
+        """Jacobian of the tool (6, n) in the present posture."""
+        world = self._plant.world_frame()
+        jacobian = self._plant.CalcJacobianSpatialVelocity(
             self._context, _SPEEDS, self._tcp, np.zeros(3), world, world
         )
-        # Drake has the angular part first
+        # Drake has the angular part first.
         return self._map.velocities(np.roll(jacobian, 3, axis=0))
 
     def _payload(self, velocity: Vector, acceleration: Vector) -> Vector:
-        plant, context, world, nothing = (
-            self._plant,
-            self._context,
-            self._plant.world_frame(),
-            np.zeros(3),
+        """Mass at the tool (n,) [kg] that each motor can carry in the present posture.
+
+        A point mass m at the tool needs the additional torques m J' (p'' - g), with the Jacobian J of the tool centre
+        point, its acceleration p'' = J a + dJ/dt v, and the gravity vector g.
+        """
+        plant = self._plant
+        world = plant.world_frame()
+        torque = self._torques(velocity, acceleration)
+        jacobian = self._jacobian()[:3]
+        # dJ/dt v, which is not zero at constant speeds: the tool moves on a curve.
+        curve_acceleration = plant.CalcBiasTranslationalAcceleration(
+            self._context, _SPEEDS, self._tcp, np.zeros(3), world, world
         )
-        torque, to_tool = self._torques(velocity, acceleration), self._jacobian()[:3]
-        curved = plant.CalcBiasTranslationalAcceleration(
-            context, _SPEEDS, self._tcp, nothing, world, world
+        force_of_kilogram = (
+            jacobian @ acceleration
+            + np.ravel(curve_acceleration)
+            - plant.gravity_field().gravity_vector()
         )
-        felt = to_tool @ acceleration + np.ravel(curved) - plant.gravity_field().gravity_vector()
-        of_a_kilogram = to_tool.T @ felt
-        room = self.torque_limit - np.sign(of_a_kilogram) * torque
+        torque_of_kilogram = jacobian.T @ force_of_kilogram
+        # A motor whose torque has the opposite sign is relieved by the load first, and then loaded up to its limit.
+        remaining = self.torque_limit - np.sign(torque_of_kilogram) * torque
         has_motor = self.torque_limit > 0
-        loaded = (np.abs(of_a_kilogram) > _NOTHING) & has_motor
+        is_loaded = (np.abs(torque_of_kilogram) > _NOTHING) & has_motor
         masses = np.divide(
-            room, np.abs(of_a_kilogram), out=np.full_like(room, np.inf), where=loaded
+            remaining,
+            np.abs(torque_of_kilogram),
+            out=np.full_like(remaining, np.inf),
+            where=is_loaded,
         )
         is_too_weak = (np.abs(torque) > self.torque_limit) & has_motor
         return np.where(is_too_weak, 0.0, np.maximum(masses, 0.0))
 
     @property
     def _tcp(self) -> Frame:
+        """Frame of the tool. Raises InvalidParameter if the robot has no tool."""
         if self._tool is None:
             raise InvalidParameter(
                 "robot",
                 self.name,
                 message(
                     "dynamics.robot_with_tool",
-                    "one with a tool frame, under tools: in its robot.yaml",
+                    "a robot with a tool frame, under tools: in its robot.yaml",
                 ),
             )
         return self._tool

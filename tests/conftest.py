@@ -118,7 +118,7 @@ def pytest_configure(config: pytest.Config) -> None:
 def _quick_probe(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Let imports be parsed in processes that need not load Drake, but where a test is marked ``probe``."""
     if request.node.get_closest_marker("probe") is None:
-        monkeypatch.setattr("simrob_drake.importer.probe._complaint", probing.complaint)
+        monkeypatch.setattr("simrob_drake.importer.probe._drake_error", probing.complaint)
 
 
 @pytest.fixture

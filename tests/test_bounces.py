@@ -83,13 +83,13 @@ FALL = 0.1 - 9.80665 * TIMES**2 / 2
     [
         (
             csv_text(TIMES, FALL, "t,h"),
-            "line 1: lacks the columns time, height; needed: time, height",
+            "line 1: lacks the columns time, height; required: time, height",
         ),
-        ("", "is empty; it must hold a line of names"),
+        ("", "is empty; it must contain a line of names"),
         (csv_text(TIMES[:10], FALL[:10]), "has 10 samples; it takes at least 20"),
         (
             csv_text(TIMES, np.where(TIMES[7] == TIMES, np.nan, FALL)),
-            "line 9: holds something that is no number",
+            "line 9: contains a value that is not a number",
         ),
         (csv_text(TIMES, FALL).replace("0.02,", "0.02s,", 1), "no number"),
         (csv_text(np.sort(TIMES)[::-1], FALL), "line 3: times must rise"),

@@ -193,7 +193,7 @@ def test_check_folds_the_axes_that_are_far_from_their_torque_limits(capsys):
     folded = " ".join(capsys.readouterr().out.split())
     assert folded.count("torque of") == 1
     assert "torque of right_knee standing requires -0.61 N·m" in folded
-    assert "17 more axes each needs at most 20% of its torque limit; --all shows each" in folded
+    assert "17 more axes each needs at most 20% of its torque limit; --all lists each" in folded
     assert run_command(["check", "humanoid_balance", "--all"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     assert shown.count("torque of") == len(load_robot("humanoid").axes)
@@ -320,10 +320,10 @@ def test_settings_may_stand_in_files(tmp_path):
     )
     with pytest.raises(
         SimrobError,
-        match=r"--set servo\.kp=1: --set servo\.kp gives this key already; leave out one",
+        match=r"--set servo\.kp=1: --set servo\.kp already sets this key; leave out one",
     ):
         station_from("irb120_dynamic", ["stiff.yaml", "servo.kp=1"])
-    with pytest.raises(SimrobError, match=r"--set stiff\.yaml: --duration gives this key already"):
+    with pytest.raises(SimrobError, match=r"--set stiff\.yaml: --duration already sets this key"):
         station_from("irb120_dynamic", ["stiff.yaml"], duration=1)
     with pytest.raises(SimrobError, match=r"no\.yaml: cannot be read"):
         station_from("irb120_dynamic", ["no.yaml"])
@@ -374,11 +374,11 @@ MISTAKES = {
     ),
     "two durations": (
         ["run", "irb120_dynamic", "--duration", "0.2", "--set", "duration=1e9"],
-        "--set duration=1e9: --duration gives this key already; leave out one of the two",
+        "--set duration=1e9: --duration already sets this key; leave out one of the two",
     ),
     "two values of one key": (
         ["run", "irb120_dynamic", "--set", "servo.kp=1", "--set", "servo.kp=2"],
-        "--set servo.kp gives this key already",
+        "--set servo.kp already sets this key",
     ),
     "a bad duration": (
         ["run", "double_pendulum", "--duration", "-1"],
@@ -424,15 +424,21 @@ def test_a_mistake_gets_one_clear_line_and_leaves_nothing(tmp_path, capfd, argum
 
 TABLES = {
     "a column is missing": ("time,joint_1\n0,0\n1,0\n", "lacks the columns joint_2"),
-    "a word": ("time,joint_1,joint_2\n0,0,0\n1,x,0\n", "line 3: holds something that is no number"),
+    "a word": (
+        "time,joint_1,joint_2\n0,0,0\n1,x,0\n",
+        "line 3: contains a value that is not a number",
+    ),
     "a short row": ("time,joint_1,joint_2\n0,0,0\n1,0\n", "line 3"),
     "unsorted times": (
         "time,joint_1,joint_2\n1,0,0\n0,0,0\n",
         "line 3: time 0 s after 1 s; times must rise",
     ),
-    "nan": ("time,joint_1,joint_2\n0,0,0\n1,nan,0\n", "line 3: holds something that is no number"),
+    "nan": (
+        "time,joint_1,joint_2\n0,0,0\n1,nan,0\n",
+        "line 3: contains a value that is not a number",
+    ),
     "one row": ("time,joint_1,joint_2\n0,0,0\n", "fewer than two rows"),
-    "nothing": ("", "is empty; it must hold a line of names"),
+    "nothing": ("", "is empty; it must contain a line of names"),
 }
 
 
@@ -541,7 +547,7 @@ def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(
         monkeypatch.setenv(DEBUG, debug)
         assert run_guarded(command, []) == ExitCode.BAD_INPUT
         *before, last = capsys.readouterr().err.splitlines()
-        assert last.startswith(f"simrob: unexpected: {said}")
+        assert last.startswith(f"simrob: unexpected error: {said}")
         assert last.endswith("SIMROB_DEBUG=1 shows the traceback")
         assert any("Traceback" in line for line in before) == bool(debug)
         assert debug or not before
@@ -560,7 +566,7 @@ def test_whatever_else_fails_is_one_line_whose_traceback_can_be_seen(
         ),
         (
             "simrob_drake.gone",
-            "simrob run needs the module simrob_drake.gone, which this installation lacks",
+            "simrob run needs the module simrob_drake.gone, which is missing from this installation",
         ),
     ],
 )
@@ -588,13 +594,13 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
     [
         (
             EXAMPLES / "learning" / "yobotics_walker.onnx",
-            "is no station but a network: controllers: {policy: ",
+            "is not a station, but a network: controllers: {policy: ",
         ),
-        (EXAMPLES / "own_loop.py", "is no station but a script: python "),
-        (models_root() / "roid1" / "gaits.yaml", "is no station but the gaits of a robot"),
+        (EXAMPLES / "own_loop.py", "is not a station, but a script: python "),
+        (models_root() / "roid1" / "gaits.yaml", "is not a station, but the gaits of a robot"),
         (
             models_root() / "pieces" / "ball" / "piece.yaml",
-            "is no station but a piece: pieces: {part: {model: ",
+            "is not a station, but a piece: pieces: {part: {model: ",
         ),
         (
             Path(__file__).parents[1] / "README.md",

@@ -119,7 +119,7 @@ def test_while_a_run_is_stepped_its_part_is_saved(tmp_path):
         "--no-recording",
     ]
     with start(tmp_path, at_the_clocks_pace) as command:
-        assert "watch it at" in command.stdout.readline()
+        assert "watch the motion at" in command.stdout.readline()
         time.sleep(1)
         command.send_signal(signal.SIGINT)
         out, err = command.communicate(timeout=60)

@@ -153,4 +153,4 @@ def test_an_output_has_no_english_words(command, capsys, monkeypatch, tmp_path):
 def test_a_legged_robot_is_reported_in_spanish(capsys, monkeypatch):
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
     assert run_command(["act", "humanoid_fixed", "wave", "--no-recording"]) == ExitCode.DONE
-    assert "varios movimientos: escríbalos en un program.yaml" in capsys.readouterr().out
+    assert "para varios movimientos, escríbalos en un program.yaml" in capsys.readouterr().out

@@ -132,7 +132,7 @@ MISTAKES = {
     "no station": (
         ["run"],
         {"station": None},
-        "station: missing: the name or the file of the station",
+        "station: this key is required: the name or the file of the station",
     ),
     "no robot": (
         ["check"],
@@ -142,7 +142,7 @@ MISTAKES = {
     "legs": (
         ["run"],
         {"station": "humanoid_dynamic", "moves": [{"move_l": [0, 0, 1]}]},
-        "one on a fixed base",
+        "a robot with a fixed base",
     ),
     "out of reach": (
         ["check"],
@@ -152,7 +152,7 @@ MISTAKES = {
     "frames": (["run", "--frames", "one"], {}, 'must be a number of at least 2, or "events"'),
     "a duration": (["run", "--duration", "2"], {}, "--duration: a program has its own duration"),
     "an import": (["check", "--estimate-inertia"], {}, "--estimate-inertia: this is a program"),
-    "nothing": (["run"], {"moves": []}, "empty"),
+    "nothing": (["run"], {"moves": []}, "has no move that takes time"),
 }
 
 

@@ -190,7 +190,7 @@ def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tm
     ("arguments", "says"),
     [
         (["import", "none.urdf"], "none.urdf"),
-        (["import", "{raw}", "--out", "{raw.parent}/out"], "within the source"),
+        (["import", "{raw}", "--out", "{raw.parent}/out"], "overlaps the source"),
         (["import", "{raw}", "--collision", "sphere"], "sphere"),
         (["import", "{raw}", "--density", "-1", "--estimate-inertia"], "density"),
         (["station", "{raw}", "--out", "station.txt"], ".yaml"),
@@ -248,7 +248,7 @@ def test_options_of_simulink_models_are_refused_with_a_urdf(raw, options, named,
     assert run_command(["import", str(raw), *options]) == ExitCode.BAD_INPUT
     (line,) = capsys.readouterr().err.splitlines()
     assert named in line
-    assert re.search("it belongs to (a )?Simulink models?; leave it out", line)
+    assert re.search("the option belongs to (a )?Simulink models?; leave it out", line)
     assert not list(raw.parent.glob("*imported"))
 
 

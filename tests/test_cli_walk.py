@@ -69,7 +69,7 @@ MISTAKES = {
     ),
     "a reference": (
         ["roid1_dynamic", "--set", "reference.kind=hold"],
-        "the gait or act says how the robot moves",
+        "the gait or act decides how the robot moves",
     ),
     "an unknown robot": (["roid1_dynamic", "--robot", "roid"], "roid"),
     "one of several": (["three_humanoids"], "one of humanoid, roid1, zjudancer"),
@@ -123,5 +123,5 @@ def test_an_unknown_act_is_answered_with_those_that_there_are(capsys):
 def test_a_walk_can_be_watched(tmp_path, capsys):
     arguments = ["walk", "roid1_dynamic", "--steps", "2", "--live", "--no-recording", "--out", "r"]
     assert run_command(arguments) == 0
-    assert "watch it at http://127.0.0.1:" in capsys.readouterr().out
+    assert "watch the motion at http://127.0.0.1:" in capsys.readouterr().out
     assert (tmp_path / "r" / "summary.json").is_file()

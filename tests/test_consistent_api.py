@@ -56,7 +56,7 @@ def test_wrong_overrides_are_named():
         Runner(load_station("irb120_dynamic"), overrides={"gravitty": 1})
     with pytest.raises(SimrobError, match="overrides is 5; it must be a mapping"):
         simulate("irb120_dynamic", overrides=5)
-    with pytest.raises(SimrobError, match="overrides: given with a workcell"):
+    with pytest.raises(SimrobError, match="overrides: the workcell is loaded already"):
         Arm(Workcell("irb120_workcell"), overrides=LIGHT)
 
 
@@ -96,7 +96,7 @@ def test_a_branch_gives_the_whole_run_with_signals():
         assert branch.outcome(pushes).message == whole.message
     np.testing.assert_array_equal(branch.run().values, runner.run().values)
     with pytest.raises(
-        SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be one at 0.3 s"
+        SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be a push at 0.3 s"
     ):
         branch.run(pushes={"shove": {"start": 0.1, "force": [1, 0, 0]}})
 

@@ -43,15 +43,15 @@ def test_a_table_may_have_no_rows(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ("", "table.csv: is empty; it must hold a line of names"),
-        ("\n\ntime,joint_2\n0,0\n", "line 3: lacks the columns joint_1; needed"),
+        ("", "table.csv: is empty; it must contain a line of names"),
+        ("\n\ntime,joint_2\n0,0\n", "line 3: lacks the columns joint_1; required"),
         *(
-            (GOOD.replace("2.5", bad), "line 3: holds something that is no number")
+            (GOOD.replace("2.5", bad), "line 3: contains a value that is not a number")
             for bad in ("x", "", "nan", "-inf")
         ),
         (
             GOOD.replace("\n2.5,1e-1,b", "\n\n\n2.5"),
-            "line 5: holds something that is no number: 2.5",
+            "line 5: contains a value that is not a number: 2.5",
         ),
         (b"\xff\xfe\x00", "cannot be read"),
         (GOOD.encode("utf-16"), "cannot be read"),

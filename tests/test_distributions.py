@@ -67,23 +67,23 @@ def test_values_that_are_none_are_refused(text):
 @pytest.mark.parametrize(
     ("section", "told"),
     [
-        ({"low": 2, "high": 1}, "vary.kp: low must be below high"),
+        ({"low": 2, "high": 1}, "vary.kp: low must be less than high"),
         ({"low": 0, "high": 1, "log": True}, "vary.kp: low must be positive"),
-        ({"low": 1, "high": 2, "start": 3}, "vary.kp: start must lie between"),
+        ({"low": 1, "high": 2, "start": 3}, "vary.kp: start must be between"),
         (
             {"low": 1.5, "high": 4, "integer": True},
-            "vary.kp: low, high and start must be whole numbers",
+            "vary.kp: low, high and start must be integers",
         ),
         ({"lo": 2, "high": 1}, "vary.kp.lo: unknown key; did you mean 'low'"),
-        ({"mean": 1}, "vary.kp.deviation: this key is needed"),
-        ({"mean": 1, "deviation": 1, "low": 2}, "vary.kp: mean must lie between"),
+        ({"mean": 1}, "vary.kp.deviation: this key is required"),
+        ({"mean": 1, "deviation": 1, "low": 2}, "vary.kp: mean must be between"),
         ({"values": []}, "vary.kp.values: needs at least 1 value, not 0"),
         (
             {"low": 1, "high": 2, "when": {"servo": 1}},
-            "kp.when.servo must be a key that stands before kp",
+            "kp.when.servo must be a key that comes before kp",
         ),
-        (3, "vary.kp: must be a section with keys of"),
-        ("uniform:2:1", "vary.kp: must be a range: LOW below HIGH"),
+        (3, "vary.kp: must be a section with keys among"),
+        ("uniform:2:1", "vary.kp: must be a range with LOW less than HIGH"),
     ],
 )
 def test_sections_that_are_none_are_refused_in_a_line(section, told):

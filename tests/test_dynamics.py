@@ -209,7 +209,7 @@ def test_drives_of_a_urdf_and_of_a_description_are_the_same(tmp_path: Path) -> N
         (lambda: Dynamics.of_robot("irb120").inertia([0, 0]), "6 finite numbers"),
         (
             lambda: Dynamics.of_robot("irb120").coriolis(np.zeros(6), np.zeros(2)),
-            "as many as q has",
+            "an array of the shape of q",
         ),
         (lambda: Dynamics.of_robot("irb120").manipulability(np.zeros(6), "speed"), "rotation"),  # type: ignore[arg-type]
         (lambda: Dynamics.of_robot(rod(tools={})).payload([0.0]), "tool"),

@@ -269,20 +269,23 @@ def test_a_file_importer_has_own_options_and_losses_give_four(
     for command, message in (
         (
             ["import", "arm.urdf", "--colour", "blue"],
-            "--colour: it belongs to a list; leave it out",
+            "--colour: the option belongs to a list; leave it out",
         ),
         (
             ["import", "my.lst", "--base", "fixed"],
-            "--base: it has no effect on a list; leave it out",
+            "--base: the option has no effect on a list; leave it out",
         ),
-        (["import", "my.lst", "--set", "a=1"], "--set: it has no effect on a list; leave it out"),
+        (
+            ["import", "my.lst", "--set", "a=1"],
+            "--set: the option has no effect on a list; leave it out",
+        ),
         (
             ["import", "my.lst", "--cycles", "2"],
-            "--cycles: it belongs to RAPID modules; leave it out",
+            "--cycles: the option belongs to RAPID modules; leave it out",
         ),
         (
             ["check", "my.lst"],
-            "my.lst: is a list, which simrob import reads, and simrob check cannot",
+            "my.lst: is a list, which `simrob check` cannot read; use `simrob import`",
         ),
     ):
         assert run_command(command) == 2
@@ -302,7 +305,7 @@ def test_importers_of_equal_title_have_their_own_options(announce, tmp_path, mon
         assert run_command(["import", name, option, "new"]) == 0
         assert capsys.readouterr().out == "new\n"
         assert run_command(["import", name, other, "new"]) == 2
-        assert f"{other}: it belongs to a list; leave it out" in capsys.readouterr().err
+        assert f"{other}: the option belongs to a list; leave it out" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -318,7 +321,7 @@ def test_importers_of_equal_title_have_their_own_options(announce, tmp_path, mon
         ),
         (
             FILE_IMPORTER.replace("import_file", "importing").format(body="pass"),
-            "lacks import_file, see Importer",
+            "lacks import_file, which Importer requires",
         ),
         ("class Lists: pass", "it must be a subclass of simrob_drake.importer.importer.Importer"),
     ],
@@ -349,7 +352,7 @@ def test_a_name_of_the_core_stays_the_cores(announce, capsys, point, name, descr
     announce("odd-kit", f"{point}={{'{name}': 'odd_kit.parts:Mine'}}")
     assert run_command(["extensions"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert f"broken: {described} is one of simrob-drake already; choose another name" in shown
+    assert f"broken: {described} already exists in simrob-drake; choose another name" in shown
     assert name not in additions(point)
 
 
@@ -406,15 +409,21 @@ def test_exporters_of_another_package_write_stations_and_programs(
             ["box_on_floor", "--fails", "a"],
             "extension text_kit: the exporter fails fails (KeyError: 'speed')",
         ),
-        (["box_on_floor", "--lacks", "a"], "text_kit.a:Lacks lacks export_station, see Exporter"),
+        (
+            ["box_on_floor", "--lacks", "a"],
+            "text_kit.a:Lacks lacks export_station, which Exporter requires",
+        ),
         (
             ["box_on_floor", "--counts", "a"],
-            "box_on_floor: is no program: --counts write the moves of one",
+            "box_on_floor: is not a program; only programs can be exported with --counts",
         ),
-        (["box_on_floor"], "asked for nothing; it must be given --names or --fails, or --counts"),
+        (
+            ["box_on_floor"],
+            "called without a format; it must be called with --names or --fails, or --counts",
+        ),
         (
             ["box_on_floor", "--names", "a.txt", "--counts", "b"],
-            "asked for a station and a program",
+            "called with formats of stations and formats of programs",
         ),
     ):
         assert run_command(["export", *command]) == 2
@@ -452,10 +461,10 @@ def test_a_refused_option_of_an_exporter_names_the_format_as_it_is_typed(
     for options, message in (
         (
             ["--names", "box.txt", "--first-line", "a"],
-            "--first-line: it belongs to --with-tag; leave it out",
+            "--first-line: the option belongs to --with-tag; leave it out",
         ),
         (["--with-tag", "box.csv"], "--with-tag is box.csv; it must be a file that ends in .txt"),
-        ([], "it must be given --with-tag or --names"),
+        ([], "it must be called with --with-tag or --names"),
     ):
         assert run_command(["export", "box_on_floor", *options]) == 2
         assert message in capsys.readouterr().err

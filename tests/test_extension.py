@@ -141,7 +141,7 @@ def test_an_unknown_kind_lists_those_of_extensions_too(install):
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ("core='>=99'", "it works with simrob_drake >=99, and this is 0.1.0"),
+        ("core='>=99'", "it needs simrob_drake >=99, but version 0.1.0 is installed"),
         ("core='soon'", "core is 'soon'; it must be a version specifier such as '>=0.1,<0.3'"),
         (
             "core='>=0', sensors={'warmth': 'kit.a'}",
@@ -188,7 +188,7 @@ def test_a_name_of_the_core_stays_the_cores_and_the_list_says_so(
     install("odd-kit", f"core='>=0', {point}={{'{name}': 'odd_kit.parts:Mine'}}")
     assert run_command(["extensions"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert f"broken: {described} is one of simrob-drake already; choose another name" in shown
+    assert f"broken: {described} already exists in simrob-drake; choose another name" in shown
     assert name not in additions(point)
 
 
@@ -198,7 +198,7 @@ def test_a_name_that_two_packages_have_names_both(install):
     assert problem_of("a-kit") == ""
     assert (
         problem_of("b-kit")
-        == "the kind of sensor 'warmth' is also one of package a-kit, extension a_kit"
+        == "the kind of sensor 'warmth' already belongs to package a-kit, extension a_kit"
     )
 
 
@@ -235,7 +235,7 @@ def test_a_station_names_the_packages_that_it_needs(install):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
     install("warm-kit", "core='>=99', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
     with pytest.raises(
-        InvalidConfig, match="and the extension warm_kit of warm-kit is left out: it works"
+        InvalidConfig, match="and the extension warm_kit of warm-kit is left out: it needs"
     ):
         load_station("box_on_floor", {"extensions": ["warm-kit"], "sensors": {"warmth": {}}})
 
@@ -251,7 +251,10 @@ def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
     assert "broken" not in capsys.readouterr().out  # nothing is imported for a list
     assert run_command(["extensions", "--check"]) == 2
     shown = " ".join(capsys.readouterr().out.split())
-    assert "broken: package odd-kit, extension odd_kit: there is no folder odd_kit:robots" in shown
+    assert (
+        "broken: package odd-kit, extension odd_kit: the folder odd_kit:robots does not exist"
+        in shown
+    )
     assert "broken: package odd-kit, extension odd_kit: odd_kit.b:B cannot be imported" in shown
 
 
@@ -304,7 +307,7 @@ def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(
 def test_a_move_whose_key_is_not_its_announced_name_is_refused(install):
     waits = "from simrob_drake.programs.moves.wait import WaitMove as Hover"
     install("odd-kit", "core='>=0', moves={'hover': 'odd_kit.moves:Hover'}", moves=waits)
-    with pytest.raises(BrokenExtension, match=r"has the key 'wait', and is announced as 'hover'"):
+    with pytest.raises(BrokenExtension, match=r"has the key 'wait', but is announced as 'hover'"):
         check_move({"hover": {"duration": 1}})
 
 
@@ -316,7 +319,7 @@ def test_a_robot_whose_name_is_taken_is_reported_and_the_cores_is_used(install, 
         (folder / "robot.yaml").write_text("description: mine")
     assert run_command(["extensions"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert "broken: 'irb120' of its robots is hidden by another one of this name" in shown
+    assert "broken: 'irb120' of its robots cannot be used: another one has this name" in shown
     assert robot_files()["irb120"].is_relative_to(models_root())
     assert robot_files()["irb12000"].is_relative_to(tmp_path)
     assert list(robot_files()) == sorted(robot_files())
@@ -326,7 +329,7 @@ def test_a_folder_in_a_package_that_is_missing_is_no_folder(install, capsys):
     install("odd-kit", "core='>=0', stations={'a': 'nothing.like_it:stations'}")
     assert load_station("box_on_floor").name == "box_on_floor"
     assert run_command(["extensions", "--check"]) == 2
-    assert "there is no folder nothing.like_it:stations" in " ".join(
+    assert "the folder nothing.like_it:stations does not exist" in " ".join(
         capsys.readouterr().out.split()
     )
 
@@ -393,7 +396,7 @@ def test_without_the_extension_the_bound_of_its_measure_is_an_unknown_key():
         ),
         (
             WOBBLE.replace('"wobble", "m"', '"wabble", "m"'),
-            "has the name 'wabble', and is announced as 'wobble'",
+            "has the name 'wabble', but is announced as 'wobble'",
         ),
         (
             WOBBLE.replace("np.ptp(heights)", "1 / 0"),
@@ -474,7 +477,10 @@ def test_two_extensions_of_one_package_have_a_row_each(install, capsys):
     ]
     assert run_command(["extensions"]) == 0
     shown = " ".join(capsys.readouterr().out.split())
-    assert "cold_kit kits 1.0 left out: it works with simrob_drake >=99, and this is 0.1.0" in shown
+    assert (
+        "cold_kit kits 1.0 left out: it needs simrob_drake >=99, but version 0.1.0 is installed"
+        in shown
+    )
     assert "warm_kit kits 1.0 sensors: warmth" in shown
 
 
@@ -491,7 +497,7 @@ def test_a_station_may_name_one_extension_of_a_package(install):
     ).sensors
     with pytest.raises(
         InvalidConfig,
-        match="station needs kits, and the extension cold_kit of kits is left out: it w",
+        match="station needs kits, and the extension cold_kit of kits is left out: it n",
     ):
         load_station("box_on_floor", {"extensions": ["kits"], "sensors": {"warmth": {}}})
 
@@ -515,7 +521,7 @@ def test_no_other_package_takes_a_name_of_ours(install):
     assert problem_of(DISTRIBUTION) == ""
     assert (
         problem_of("a-kit")
-        == "the command 'warm' is also one of package simrob-drake, extension our_kit"
+        == "the command 'warm' already belongs to package simrob-drake, extension our_kit"
     )
 
 
@@ -525,7 +531,7 @@ def test_a_name_of_an_extension_stands_for_one_extension(install, tmp_path):
     entry = tmp_path / "other_kit-1.0.dist-info" / "entry_points.txt"
     entry.write_text("[simrob_drake.extensions]\nwarm_kit = other_kit:EXTENSION\n")
     installed_extensions.cache_clear()
-    assert problem_of("c-kits") == "package b-kits has an extension of this name, too"
+    assert problem_of("c-kits") == "package b-kits already has an extension of this name"
 
 
 def test_versions_of_our_own_extensions_are_not_compared():
@@ -565,7 +571,7 @@ def test_a_function_that_needs_another_extension_says_so(install):
         import_with_needed("hot_kit")
     with pytest.raises(
         MissingExtension,
-        match="needs the extension cold_kit, which is left out: it works with simrob",
+        match="needs the extension cold_kit, which is left out: it needs simrob",
     ):
         import_with_needed("cold_kit")
     install("hot-kit", "core='>=0'")
@@ -592,7 +598,7 @@ def import_with_needed(name):
         ("core='>=0', title=3", "TypeError: title is 3; it must be a text"),
         (
             "core='>=0', commands={'kit show': 'odd_kit.commands:show'}",
-            "there is no command 'kit' for the command 'kit show' below it",
+            "the command 'kit show' needs the command 'kit', which the extension does not have",
         ),
     ],
 )
@@ -641,7 +647,9 @@ def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install,
     assert run_command(["warm"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("simrob: there is no command 'warm'; known: act, check, ")
-    assert line.endswith(". Extensions that are left out: odd_kit; simrob extensions says why.")
+    assert line.endswith(
+        ". Extensions that are left out: odd_kit; simrob extensions lists the reasons."
+    )
 
 
 def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):
@@ -653,10 +661,10 @@ def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):
     kit = tmp_path / "kit.yaml"
     kit.write_text("warmth: 3")
     assert run_command(["check", str(kit)]) == 2
-    assert f"{kit}: is no station but a kit: simrob warm {kit}\n" in capsys.readouterr().err
+    assert f"{kit}: is not a station, but a kit: simrob warm {kit}\n" in capsys.readouterr().err
     (tmp_path / "a.kit").write_text("")
     assert run_command(["run", str(tmp_path / "a.kit")]) == 2
-    assert "a.kit: is no station but a kit: a.kit\n" in capsys.readouterr().err
+    assert "a.kit: is not a station, but a kit: a.kit\n" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -665,7 +673,7 @@ def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):
         ("ends: {}", "ends: unknown key"),
         ("keys: 3", "keys: "),
         ("[", "other_files.yaml"),
-        (None, "there is no file"),
+        (None, "does not exist"),
     ],
 )
 def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(
@@ -695,13 +703,13 @@ def test_an_extension_has_messages_in_other_languages(install, tmp_path, capsys)
     assert messages.in_language(hot, "es") == "demasiado caliente (80,2 °C)"
     assert "robots" not in additions("messages")  # ids of the core are the core's
     assert run_command(["extensions", "--check"]) == 2
-    assert "folder of messages 'robots' is one of simrob-drake already" in " ".join(
+    assert "folder of messages 'robots' already exists in simrob-drake" in " ".join(
         capsys.readouterr().out.split()
     )
     install("hot-kit", "core='>=0', messages={'warm': 'hot_kit:languages'}")
     left_out = next(found for found in installed_extensions() if found.name == "warm_kit")
     assert (
         left_out.problem
-        == "the folder of messages 'warm' is also one of package hot-kit, extension hot_kit"
+        == "the folder of messages 'warm' already belongs to package hot-kit, extension hot_kit"
     )
     messages._catalogue_file.cache_clear()

@@ -64,7 +64,7 @@ def test_force_replaces_a_result_but_nothing_that_took_its_place(tmp_path):
     def write_a_thesis() -> None:
         (folder / MARKER).rename(folder / "thesis.tex")
 
-    with pytest.raises(OutputError, match="something else than a result"):
+    with pytest.raises(OutputError, match="contains files that are not a result"):
         fill(folder, "newer", force=True, meanwhile=write_a_thesis)
     assert (folder / "thesis.tex").read_text() == "new"
     assert list(tmp_path.iterdir()) == [folder]

@@ -156,7 +156,7 @@ def test_all_forms_of_a_pose_are_one() -> None:
     ],
 )
 def test_a_matrix_that_is_no_rigid_motion_is_refused(matrix: np.ndarray) -> None:
-    with pytest.raises(InvalidParameter, match="a rotation, a place, and a last row 0 0 0 1"):
+    with pytest.raises(InvalidParameter, match="a rotation, a position, and the last row 0 0 0 1"):
         as_transform(matrix)
 
 
@@ -188,9 +188,12 @@ class TestThreePoints:
     @pytest.mark.parametrize(
         ("points", "message"),
         [
-            (([0, 0, 0], [1, 0, 0], [2, 0, 0]), "y1 .* three collinear points fix no frame"),
-            (([0, 0, 0], [0, 0, 0], [0, 1, 0]), "another point than x1"),
-            (([0, 0, 0], [1, 0, 0], [1, 1, 0]), "x2 .* away from the foot of the perpendicular"),
+            (
+                ([0, 0, 0], [1, 0, 0], [2, 0, 0]),
+                "y1 .* three collinear points do not define a frame",
+            ),
+            (([0, 0, 0], [0, 0, 0], [0, 1, 0]), "a point different from x1"),
+            (([0, 0, 0], [1, 0, 0], [1, 1, 0]), "x2 .* which is the foot of the perpendicular"),
             (([0, 0], [1, 0, 0], [1, 1, 0]), "x1 .* three finite numbers"),
             (([0, 0, np.inf], [1, 0, 0], [1, 1, 0]), "x1 .* three finite numbers"),
         ],

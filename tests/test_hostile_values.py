@@ -150,9 +150,9 @@ CALLS: dict[str, Callable[[sim.Arm, sim.LeggedRobot, sim.SimulationResult, Any],
     "test_move": lambda arm, legged, result, value: legged.test_move(value, 0.01),
     "move time": lambda arm, legged, result, value: legged.test_move({legged.axes[0]: 1.0}, value),
     "program": lambda arm, legged, result, value: legged.run(value),
-    "planned": lambda arm, legged, result, value: legged.planned(value),
+    "program reference": lambda arm, legged, result, value: legged.reference_of(value),
     "insert": lambda arm, legged, result, value: legged.insert(value, value),
-    "added move": lambda arm, legged, result, value: sim.Program().added(value),
+    "added move": lambda arm, legged, result, value: sim.Program().with_added_moves(value),
     "targets_deg": lambda arm, legged, result, value: legged.targets_deg(value),
     "hand": lambda arm, legged, result, value: legged.pose(value),
     "film": lambda arm, legged, result, value: legged.film(value),
@@ -200,11 +200,11 @@ MANY = np.array([1, 2])
         ),
         (
             lambda arm, legged: sim.load_station("irb120_dynamic", {"servo.kp": 1e300}),
-            r"kp: a figure is zero or 1e-100",
+            r"kp: must be zero, or 1e-100",
         ),
         (
             lambda arm, legged: sim.Program(moves=[{"wait": 5e-324}]),
-            r"Program: moves\[0\].wait: a figure is zero or",
+            r"Program: moves\[0\].wait: must be zero, or",
         ),
         (lambda arm, legged: sim.Program(moves=None), "Program: moves: must be a list"),
         (
@@ -249,9 +249,9 @@ def test_times_that_are_none_are_told_where_they_stand(key, duration):
         ),
         (
             {"sensors.imu": {"frame": "tool0", "rate": 5e-324}},
-            r"rate: a figure is zero or 1e-100 to 1e\+15 in size",
+            r"rate: must be zero, or 1e-100 to 1e\+15 in magnitude",
         ),
-        ({f"sensors.{'x' * 5000}": {"kind": "imu"}}, "is no plain name"),
+        ({f"sensors.{'x' * 5000}": {"kind": "imu"}}, "is not a valid name"),
         (
             {"reference": {"kind": "sine", "frequency": 1e9}},
             r"reference\.frequency: .*at most 10000",
@@ -281,7 +281,7 @@ def test_steps_that_never_end_are_told_before_the_run(changes, told):
     ],
 )
 def test_a_section_without_its_kind_is_told_what_kinds_there_are(key, value):
-    with pytest.raises(InvalidConfig, match=r"\.kind: this key is needed; known: \w+, \w+"):
+    with pytest.raises(InvalidConfig, match=r"\.kind: this key is required; known: \w+, \w+"):
         sim.load_station("irb120_dynamic", {key: value})
 
 
@@ -330,7 +330,7 @@ def test_no_run_begins_where_there_is_no_number(station, tmp_path):
             start=replace(state, joints={"robot/joint_1": JointState(NAN_ROW[:1], NAN_ROW[:1])}),
         )
     for number, told in (
-        (np.nan, "is not JSON: NaN is no finite number"),
+        (np.nan, "is not JSON: NaN is not a finite number"),
         (None, "positions.robot: .* number"),
     ):
         file = tmp_path / "start.json"
@@ -338,6 +338,7 @@ def test_no_run_begins_where_there_is_no_number(station, tmp_path):
             json.dumps({**json.loads(state.to_json()), "positions": {"robot": [number] * 6}})
         )
         with pytest.raises(
-            InvalidConfig, match=rf"start\.json: {told}.*`start` names the start.json of a result"
+            InvalidConfig,
+            match=rf"start\.json: {told}.*the key `start` expects the file start.json of a result",
         ):
             run(sim.load_station(station, {"start": str(file)}))

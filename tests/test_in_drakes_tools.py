@@ -111,7 +111,7 @@ def test_a_runner_serves_one_thread_at_a_time():
         runner.run(duration=0.1)
 
     with pytest.raises(
-        SimrobError, match="a Runner serves one run at a time; make a Runner for each thread"
+        SimrobError, match="a Runner makes one run at a time; create a Runner for each thread"
     ):
         runner.run(duration=0.1, on_step=run_again)
     assert runner.run(duration=0.1).ending == "completed"

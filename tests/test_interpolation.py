@@ -52,7 +52,7 @@ def test_an_arc_is_the_part_of_the_circle_that_passes_the_middle_point(
     ],
 )
 def test_points_on_one_line_make_no_arc(points: tuple[list[float], ...]) -> None:
-    with pytest.raises(InvalidParameter, match="three points that are not on one line"):
+    with pytest.raises(InvalidParameter, match="three points that are not collinear"):
         Arc.through(*points)
 
 

@@ -219,12 +219,14 @@ def test_no_error_of_ours_is_raised_with_a_plain_sentence():
 def test_errors_of_the_base_keep_their_messages():
     nearest = errors.UnknownName("robot", "irb12", ["irb120"])
     assert in_language(nearest.message, "es") == "no hay robot 'irb12'; ¿quería decir 'irb120'?"
-    positive = errors.InvalidParameter("gain", 2.5, messages.message("base.a_number", "a number"))
-    assert in_language(positive.message, "es") == "gain es 2.5; debe ser un número"
+    positive = errors.InvalidParameter(
+        "gain", 2.5, messages.message("base.a_number", "a finite number")
+    )
+    assert in_language(positive.message, "es") == "gain es 2.5; debe ser un número finito"
     assert in_language(errors.Unsuitable("gain", "R1").message, "es") == "gain: R1; quítelo"
     line = messages.message("base.line", "line {line}", line=3)
     located = errors.InvalidConfig(
-        "a.yaml", line, messages.message("base.no_mapping", "must hold a mapping")
+        "a.yaml", line, messages.message("base.no_mapping", "must contain a mapping")
     )
     assert (
         in_language(located.message, "es")

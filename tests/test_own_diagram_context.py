@@ -235,12 +235,16 @@ def test_signals_of_another_diagram(cell):
 
 def test_ports_and_contexts_of_another_diagram(cell):
     other = Cell()
-    with pytest.raises(InvalidParameter, match="ports is those of a station in another diagram"):
+    with pytest.raises(
+        InvalidParameter, match="ports is the ports of a station in another diagram"
+    ):
         simulate_diagram(other.diagram, cell.ports, duration=0.1, progress=False)
-    with pytest.raises(InvalidParameter, match="context is that of another system"):
+    with pytest.raises(InvalidParameter, match="context is the context of another system"):
         cell.run(0.1, context=other.diagram.CreateDefaultContext())
     box = build_station("irb120_dynamic")
-    with pytest.raises(InvalidParameter, match="ports is those of a station in another diagram"):
+    with pytest.raises(
+        InvalidParameter, match="ports is the ports of a station in another diagram"
+    ):
         simulate_diagram(cell.diagram, box.ports, duration=0.1, progress=False)
 
 

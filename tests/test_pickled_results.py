@@ -155,6 +155,6 @@ def test_a_result_of_another_version_is_refused(monkeypatch):
     monkeypatch.setattr("simrob_drake.results.record.rebuilt.FORMAT", rebuilt.FORMAT + 1)
     with pytest.raises(
         SimrobError,
-        match=r"another version of simrob_drake \(format 1, here 2\); run the station again",
+        match=r"another version of simrob_drake .*\(format 1; this version reads format 2\)\. Run the station",
     ):
         pickle.loads(content)

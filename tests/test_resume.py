@@ -149,9 +149,7 @@ def test_what_cannot_be_resumed():
         runner.resume(part, until=0.1)
     with pytest.raises(SimrobError, match="it must be a result"):
         runner.resume("x", until=1)
-    with pytest.raises(
-        SimrobError, match=r"result is a run of a station that moves in another way"
-    ):
+    with pytest.raises(SimrobError, match=r"result is a run of a station with a different motion"):
         Runner(load_station("irb120_dynamic")).resume(part, until=1)
     with pytest.raises(SimrobError, match=r"start_time.*a start whose time is kept"):
         runner.run(start_time="keep")

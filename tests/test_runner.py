@@ -301,7 +301,7 @@ class TestBadInput:
         first = runner.run()
         assert_equal(runner.run(), first)
         np.testing.assert_array_equal(first["told.twice.joint_2"], 2 * first["q.joint_2"])
-        with pytest.raises(SimrobError, match="blocks stand in one diagram"):
+        with pytest.raises(SimrobError, match="a block can be in one diagram only"):
             runner.run(pushes={"shove": {"force": [1, 2, 3]}})
 
     def test_a_run_that_is_refused_spoils_no_other(self):

@@ -219,7 +219,10 @@ class TestReferences:
             (((0, 1), np.full((2, 6), 3.0)), r"joint_1 is 171\.89 deg at 0\.00 s; .*-165 to 165"),
             (((0, 1, 2), np.zeros((2, 6))), r"must be of shapes \(m,\) and \(m, n\)"),
             (np.zeros(6), r"an array \(m, 1 \+ n\)"),
-            (PiecewisePolynomial(np.zeros((5, 1))), "5 joints; it must be a trajectory of 6 joints"),
+            (
+                PiecewisePolynomial(np.zeros((5, 1))),
+                "5 joints; it must be a trajectory of 6 joints",
+            ),
             ({"arm": np.zeros((2, 7))}, "no robot 'arm'"),
         ],
     )
@@ -228,7 +231,9 @@ class TestReferences:
             simulate(load_station("irb120_dynamic"), reference=reference)
 
     def test_several_robots_need_a_mapping(self):
-        with pytest.raises(SimrobError, match="a mapping by robot: left, right"):
+        with pytest.raises(
+            SimrobError, match="a mapping of robots to references; the robots are left, right"
+        ):
             simulate(load_station("two_irb120"), reference=np.zeros((2, 7)))
 
 

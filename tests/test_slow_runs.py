@@ -80,7 +80,7 @@ def said_of(config, stop=0.5, **options):
 def test_a_released_piece_that_creeps_is_blamed_with_what_it_lies_on(impatient):
     (said,), result = said_of(pallet())
     assert result.ending == "interrupted"
-    assert said.startswith("box_on_floor makes ")
+    assert said.startswith("box_on_floor runs at ")
     assert "the contact of pallet and parcel makes radau3 take steps of " in said
     assert "set solver.scheme=cenic and solver.max_step=0.01 (" in said
     assert "× real time in a trial)" in said
@@ -102,7 +102,7 @@ def test_a_run_of_dear_steps_says_what_they_cost(impatient, monkeypatch):
     monkeypatch.setattr(pace.Slow, "_find_contacts", lambda *_: None)
     (said,), _ = said_of(load_station("roid1_walking", {"duration": 1.0}))
     assert "each step of 0.0" in said
-    assert "of it the block controller.walk " in said
+    assert "of which the block controller.walk takes " in said
     assert "lower controllers.walk.rate" in said
 
 
@@ -110,7 +110,7 @@ def test_steps_of_one_length_can_be_longer(impatient):
     (said,), _ = said_of(
         load_station("irb120_dynamic", {"solver": {"kind": "discrete", "time_step": 1e-3}})
     )
-    assert said.endswith("take longer ones (solver.time_step)")
+    assert said.endswith("take longer steps (solver.time_step)")
 
 
 def test_looking_for_the_cause_changes_nothing(impatient, monkeypatch):
@@ -137,7 +137,7 @@ def test_a_busy_machine_is_blamed_only_if_a_whole_processor_would_do(
     watch._waited, watch._worked, watch._steps = 10.0, 0.1, 10
     complaint = watch._slow_run_message(context)
     assert complaint.startswith(
-        "irb120_dynamic makes 0.001 × real time on 1 % of a processor (0.1 × on a whole"
+        "irb120_dynamic runs at 0.001 × real time with 1 % of a processor (0.1 × with a whole"
     )
     assert ("the machine is busy with other work" in complaint) == busy
     assert ("each step of 0.001 s takes 0.01 s" in complaint) != busy
@@ -163,7 +163,7 @@ def test_a_command_warns_once(impatient, tmp_path, monkeypatch, capsys):
         == 0
     )
     said = " ".join(capsys.readouterr().err.split())
-    assert "warning irb120_dynamic makes " in said
+    assert "warning irb120_dynamic runs at " in said
     assert said.count("warning") == 1, said
 
 

@@ -7,7 +7,7 @@ from simrob_drake import Workcell, load_station
 from simrob_drake.blocks.references import later
 from simrob_drake.programs.program import Program
 from simrob_drake.results.record.history import StateHistory
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.simulation import Runner, Ticks
 
 DURATION = 0.4  # s
@@ -71,7 +71,7 @@ def test_a_run_that_goes_on_has_the_torques_of_the_whole(solver: str) -> None:
         pytest.importorskip("mujoco")
     runner = arm_in_motion(SOLVERS[solver])
     first, second = run_in_two(runner)
-    torque = joined([first, second]).axes("tau")
+    torque = join_runs([first, second]).axes("tau")
     whole = runner.run().axes("tau")
     row = round(RESTART * first.config.sample_rate)
     # Under cenic the last step before the restart is cut to 4 ms: an error of 3 N·m of 18.

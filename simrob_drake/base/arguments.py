@@ -46,12 +46,15 @@ def drake_asserts() -> Iterator[None]:
     try:
         yield
     except SystemExit as problem:
+        # Any other SystemExit is an order to end the process, such as sys.exit of a user's block.
         place, separator, condition = str(problem).partition(" in ")
         is_assertion = bool(separator) and place.startswith("Failure at")
         if not is_assertion:
             raise
         raise DrakeRefused(
-            message("base.drake_refuses", "Drake cannot do that: {condition}", condition=condition)
+            message(
+                "base.drake_refuses", "a check of Drake fails: {condition}", condition=condition
+            )
         ) from problem
 
 
@@ -65,7 +68,7 @@ def number(value: object, name: str) -> float:
     Raises:
         InvalidParameter: it is no number, or not finite.
     """
-    expected = message("base.a_number", "a number")
+    expected = message("base.a_number", "a finite number")
     return _number_between(value, name, -_LARGEST_FLOAT, _LARGEST_FLOAT, expected)
 
 
@@ -119,8 +122,10 @@ def _number_between(value: object, name: str, least: float, most: float, expecte
     # Python counts True and False as integers.
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InvalidParameter(name, quoted(value), expected)
+    # NaN fails both comparisons, so it is refused here, too.
     if not least <= value <= most:
         raise InvalidParameter(name, quoted(value), expected)
+    # A NumPy scalar would make all later arithmetic slower, and JSON refuses it.
     return float(value)
 
 
@@ -193,10 +198,13 @@ def as_path(value: object, name: str) -> Path:
     """
     if not isinstance(value, (str, Path)):
         raise InvalidParameter(name, quoted(value), message("base.a_path", "a path"))
+    # Results, reports and links have the path as text: a line feed or a control character in it would spoil them.
     path = Path(value)
     if not str(path).isprintable():
         raise InvalidParameter(
-            name, repr(str(path)), message("base.a_printable_path", "a path that can be printed")
+            name,
+            repr(str(path)),
+            message("base.a_printable_path", "a path of printable characters"),
         )
     return path
 
@@ -206,6 +214,7 @@ def plain(value: Any) -> Any:
 
     Mappings and lists are converted at all levels. Keys of mappings become texts. Other objects stay as they are.
     """
+    # tolist() gives a Python number for an array without dimensions, and for a scalar of NumPy.
     if isinstance(value, (np.generic, np.ndarray)):
         return value.tolist()
     if isinstance(value, Mapping):

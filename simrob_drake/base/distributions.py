@@ -54,7 +54,7 @@ class Distribution(Strict, ABC):
     """Values that a key takes, and how often it takes each of them."""
 
     when: Values = Field(default_factory=dict)
-    """Values of keys before this one, one or a list for each; under others this key is left as it is."""
+    """Condition: a value, or a list of values, for keys that come before this one. Otherwise this key is unchanged."""
     _text: str = PrivateAttr("")
 
     @model_serializer(mode="wrap")
@@ -64,6 +64,7 @@ class Distribution(Strict, ABC):
         Args:
             handler: pydantic's function that gives all keys.
         """
+        # A line of text goes back to the file as the user wrote it.
         if self._text:
             return self._text
         content = {}
@@ -115,6 +116,7 @@ class Distribution(Strict, ABC):
         """
         for key, needed in self.when.items():
             choices = needed if isinstance(needed, list) else [needed]
+            # A key that was left out itself, because of its own condition, meets no condition.
             if key not in values or values[key] not in choices:
                 return False
         return True
@@ -138,31 +140,31 @@ class Uniform(Distribution):
     low: Number
     high: Number
     start: Number | None = None
-    """Where a search begins; in the middle unless given."""
+    """Value with which a search begins. By default it is the middle of the range."""
     log: Boolean = False
-    """Whether factors count in place of differences: the logarithm is uniform."""
+    """Whether the logarithm of the value is uniform, so that equal factors are equally frequent."""
     integer: Boolean = False
-    """Whether it has whole numbers alone, `low` and `high` among them."""
+    """Whether the values are integers, `low` and `high` included."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:
         """Check that the range contains numbers."""
         if not self.low < self.high:
-            raise ValueError(message("base.low_not_below_high", "low must be below high"))
+            raise ValueError(message("base.low_not_below_high", "low must be less than high"))
         if self.log and self.low <= 0:
             raise ValueError(
-                message("base.low_not_positive", "low must be positive where it is logarithmic")
+                message("base.low_not_positive", "low must be positive if log is true")
             )
         if self.start is not None and not self.low <= self.start <= self.high:
             raise ValueError(
-                message("base.start_out_of_range", "start must lie between low and high")
+                message("base.start_out_of_range", "start must be between low and high")
             )
         numbers = [end for end in (self.low, self.high, self.start) if end is not None]
         if self.integer and any(number % 1 for number in numbers):
             raise ValueError(
                 message(
                     "base.range_not_whole",
-                    "low, high and start must be whole numbers where integer is true",
+                    "low, high and start must be integers if integer is true",
                 )
             )
         return self
@@ -179,17 +181,22 @@ class Uniform(Distribution):
 
         With the ends a and b and the share p, it is a + (b - a) p, or a (b / a)^p if the logarithm is uniform.
         """
+        # A search may ask for parts slightly beyond the ends.
         part = min(max(float(part), 0.0), 1.0)
         low, high = self._ends
         value = low * (high / low) ** part if self.log else low + (high - low) * part
-        value = min(max(float(value), low), high)  # rounding may bring it beyond an end
+        # Rounding may bring the value beyond an end.
+        value = min(max(float(value), low), high)
         if not self.integer:
             return value
+        # Python's round() takes halves to the even number, which would be drawn more often.
         nearest = floor(value + 0.5)
+        # The upper end, high + 0.5, would become high + 1.
         return int(min(max(nearest, self.low), self.high))
 
     def part(self, value: Any) -> float:
         """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
+        # The equation of `quantile`, solved for the share p.
         low, high = self._ends
         if self.log:
             return float(np.log(value / low) / np.log(high / low))
@@ -227,7 +234,7 @@ class Normal(Distribution):
 
     mean: Number
     deviation: NotNegative
-    """The standard deviation, before bounds cut anything off."""
+    """Standard deviation of the distribution without bounds."""
     low: Number | None = None
     high: Number | None = None
 
@@ -235,9 +242,7 @@ class Normal(Distribution):
     def _check(self) -> Self:
         """Check that the mean is within the bounds."""
         if not self._low <= self.mean <= self._high:
-            raise ValueError(
-                message("base.mean_out_of_range", "mean must lie between low and high")
-            )
+            raise ValueError(message("base.mean_out_of_range", "mean must be between low and high"))
         return self
 
     @property
@@ -249,9 +254,11 @@ class Normal(Distribution):
         """Compute the value up to which a share of all draws lies, from 0 to 1."""
         # Share of the draws of the distribution without bounds.
         parts = self._parts
+        # The bounds cut off the draws below `parts.low` and above `parts.high`; the rest keeps its shape.
         unbounded_part = parts.low + float(part) * (parts.high - parts.low)
         unbounded_part = min(max(unbounded_part, _FAR), 1 - _FAR)
         value = self.mean + self.deviation * NormalDist().inv_cdf(unbounded_part)
+        # Rounding may bring the value beyond a bound, most of all where a bound cuts off nearly all draws.
         return min(max(value, self._low), self._high)
 
     def part(self, value: Any) -> float:
@@ -260,6 +267,7 @@ class Normal(Distribution):
         It is 0.5 for a distribution with a single value.
         """
         parts = self._parts
+        # Without a deviation all draws are the mean, and the quotient below would be 0 / 0.
         if parts.high <= parts.low:
             return 0.5
         return (self._unbounded_part(value) - parts.low) / (parts.high - parts.low)
@@ -270,12 +278,13 @@ class Normal(Distribution):
 
     def grid(self, count: int) -> list[Any]:
         """List the values in the middles of equal shares of all draws."""
+        # The ends themselves are infinite, or so rare that they would say little about the distribution.
         return [self.quantile((index + 0.5) / count) for index in range(count)]
 
     def draw(self, source: np.random.Generator) -> float:
         """Draw a value at random."""
         is_unbounded = self.low is None and self.high is None
-        # NumPy's own draws, without the cut at _FAR.
+        # NumPy's own draws are faster, and not cut off at _FAR.
         return (
             source.normal(self.mean, self.deviation)
             if is_unbounded
@@ -299,7 +308,8 @@ class Normal(Distribution):
 
     def _unbounded_part(self, value: float) -> float:
         """Share of the draws of the distribution without bounds that lie up to a value."""
-        if not self.deviation:  # all draws are the mean
+        # All draws are the mean, and the quotient below would divide by zero.
+        if not self.deviation:
             return float(value > self.mean)
         return NormalDist().cdf((value - self.mean) / self.deviation)
 
@@ -316,6 +326,7 @@ class Choice(Distribution):
 
     def quantile(self, part: float) -> Any:
         """Find the value up to which a share of all draws lies, from 0 to 1, in the order of the list."""
+        # The share 1 belongs to the last value, and has an index beyond the list.
         index = int(part * len(self.values))
         return self.values[min(max(index, 0), len(self.values) - 1)]
 
@@ -359,6 +370,7 @@ def _section(text: str) -> Values:
     Raises:
         ValueError: the line has none of the forms, or its range is empty. The message is what would be right.
     """
+    # A text without a known kind, even one with colons, is a list of values, such as a path of Windows.
     kind, *parameters = text.split(":")
     if kind not in _GRIDS and kind not in _DRAWN:
         return {"values": _values_of_list(text)}
@@ -366,6 +378,7 @@ def _section(text: str) -> Values:
         numbers = [float(parameter) for parameter in parameters]
     except ValueError as problem:
         raise ValueError(TEXTS) from problem
+    # float() reads "nan" and "inf" as numbers, which no range has.
     expected_count = 3 if kind in _GRIDS else 2
     if len(numbers) != expected_count or not np.isfinite(numbers).all():
         raise ValueError(TEXTS)
@@ -388,7 +401,7 @@ def _section_of_range(kind: str, first: float, second: float) -> Values:
     is_valid = second >= 0 if kind == "normal" else first < second
     if not is_valid:
         raise ValueError(
-            message("base.a_range", "a range: LOW below HIGH, and a deviation that is not negative")
+            message("base.a_range", "a range with LOW less than HIGH, or a DEVIATION of 0 or more")
         )
     is_not_positive = kind == "loguniform" and first <= 0
     is_not_whole = kind == "integer" and bool(first % 1 or second % 1)
@@ -396,7 +409,7 @@ def _section_of_range(kind: str, first: float, second: float) -> Values:
         raise ValueError(
             message(
                 "base.a_range_for_its_kind",
-                "a range of positive numbers for loguniform, and of whole ones for integer",
+                "a range of positive numbers for loguniform, and of integers for integer",
             )
         )
     return _DRAWN[kind](first, second)
@@ -416,18 +429,17 @@ def _values_of_grid(kind: str, first: float, last: float, count: float) -> list[
             right.
     """
     is_count = 2 <= count <= _MOST and count % 1 == 0
+    # A grid may go down, from the larger end to the smaller one, so only equal ends are refused.
     if first == last or not is_count:
         raise ValueError(
             message(
                 "base.a_range_with_count",
-                "a range of two ends that differ, and a count of 2 to {most}",
+                "a range with FIRST different from LAST, and a COUNT from 2 to {most}",
                 most=_MOST,
             )
         )
     if kind == "log" and min(first, last) <= 0:
-        raise ValueError(
-            message("base.a_positive_range", "a range of positive numbers where it is logarithmic")
-        )
+        raise ValueError(message("base.a_positive_range", "a range of positive numbers for log"))
     values: list[float] = _GRIDS[kind](first, last, int(count)).tolist()
     return values
 
@@ -439,9 +451,11 @@ def _values_of_list(text: str) -> list[Any]:
         ValueError: a value cannot be read, or is missing. The message is what would be right.
     """
     try:
+        # YAML decides what 1, true and "1" are, in the same way as in a file.
         values: Any = parse_yaml(f"[{text}]", "values")
     except SimrobError as problem:
         raise ValueError(TEXTS) from problem
+    # A missing value, as in "1,,2", is null in YAML.
     if not values or None in values:
         raise ValueError(TEXTS)
     return list(values)
@@ -472,6 +486,7 @@ def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
         distribution = handler(_section(content))
     except ValueError as problem:
         raise ValueError(message("base.must_be", "must be {problem}", problem=problem)) from problem
+    # The section is frozen for users: its private attribute can still be set.
     distribution._text = content
     return distribution
 
@@ -482,9 +497,11 @@ def _kind(content: Any) -> str:
     Args:
         content: the section, or a distribution.
     """
+    # Pydantic asks for sections of a file, and for distributions that Python code has made.
     keys = set(content) if isinstance(content, Mapping) else set(getattr(content, "__dict__", {}))
     if "values" in keys:
         return "Choice"
+    # A section that is neither becomes a Uniform, whose error names the keys that are missing.
     is_normal = bool(keys & {"mean", "deviation"})
     return "Normal" if is_normal else "Uniform"
 

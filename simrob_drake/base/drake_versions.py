@@ -32,9 +32,12 @@ class DrakeChange(NamedTuple):
         return self.since <= INSTALLED
 
 
+# A coupling of two joints works on every version. One of more joints, such as the fingers of a hand on one tendon,
+# needs the newer constraint.
 TENDONS = DrakeChange(
     (1, 56), "constraints on the sum of more than two joints, AddTendonConstraint"
 )
+# :class:`simrob_drake.blocks.block.Block` has this method because of that exception, which each block costs in a step.
 SEARCH_FOR_DERIVATIVES = DrakeChange(
     (1, 56),
     "it looks for DoCalcTimeDerivatives in a block's Python class, and finding none costs a C++ exception",

@@ -28,6 +28,7 @@ class SimrobError(ValueError):
         Args:
             message: the message. It becomes one line, and a very long one is cut at its end.
         """
+        # One line without control characters: a log has one entry for each error, whatever the user's input contains.
         self.message = shortened(message, _LONGEST)
         super().__init__(self.message)
 
@@ -53,6 +54,7 @@ def _restored_error(
         arguments: arguments of the exception, which are its English text.
         attributes: attributes of the error.
     """
+    # The initializer would make the message again, from arguments that the pickle does not have.
     error = kind.__new__(kind, *arguments)
     error.args = arguments
     error.__dict__.update(attributes)
@@ -138,6 +140,7 @@ class UnknownKey(UnknownName, KeyError):
             remedy: how to get an entry of this name, to be appended to the message; empty if there is no way.
         """
         super().__init__(kind, name, known)
+        # The base class has made the message without a remedy, so the remedy is appended afterwards.
         self.message = shortened(
             compound("{problem}{remedy}", problem=self.message, remedy=remedy), _LONGEST
         )
@@ -164,8 +167,9 @@ class InvalidConfig(SimrobError):
             key: see the attribute.
             problem: see the attribute.
         """
-        self.key, self.problem = key, problem
         super().__init__(_join_location(where, key, problem))
+        self.key = key
+        self.problem = problem
 
 
 class InvalidModel(SimrobError):
@@ -240,7 +244,9 @@ def nearest_name(name: object, known: Iterable[str]) -> str | None:
     # Capitals do not count: "Kp" is "kp". Of names that differ in capitals alone, such as "A" and "a", each is known.
     known_by_lower = {known_name.lower(): known_name for known_name in names}
     written = shown(name)
+    # 0.6 is difflib's own default: three letters in five agree, as in a word with a typing error.
     close = difflib.get_close_matches(written, names, n=1, cutoff=0.6)
+    # For difflib a capital and its small letter differ, so a name in capitals is compared once more in small letters.
     close = close or difflib.get_close_matches(written.lower(), known_by_lower, n=1, cutoff=0.6)
     return known_by_lower.get(close[0], close[0]) if close else None
 
@@ -291,9 +297,11 @@ def _shortened_path(path: Path, length: int = 80) -> str:
         path: the path.
         length: largest length of the text.
     """
+    # Control characters are replaced. Nearly every path is shorter than 1000, so that its end, the file's name, stays.
     text = shortened(str(path), length=1000)
     if len(text) <= length:
         return text
+    # One character is the ellipsis.
     end = text[len(text) - length + 1 :]
     return f"…{end}"
 
@@ -303,7 +311,8 @@ def quoted(value: object) -> str:
     try:
         return shortened(repr(value))
     except ValueError:
-        return message("base.too_many_digits", "a number of more digits than can be shown")
+        # Python refuses to write an integer of more than 4300 digits, since that takes very long.
+        return message("base.too_many_digits", "a number with too many digits to be shown")
 
 
 def angle(value: float) -> str:
@@ -323,6 +332,7 @@ def shortened(value: str, length: int = 80) -> str:
         value: the text. A :class:`Message` stays one, and is cut at the same length in other languages.
         length: largest length of the result.
     """
+    # Other languages need the whole message: it keeps the length as an attribute instead of being cut here.
     if isinstance(value, Message):
         return value.limited_to(length)
     return one_line(value, length)
@@ -339,10 +349,10 @@ def counted(count: int, thing: str) -> str:
         return f"{count} {thing}"
     if thing.endswith("axis"):
         plural = f"{thing.removesuffix('is')}es"
-    elif thing.endswith(
-        "s"
-    ):  # it is plural already, or a name that has no plural, such as "PS Abs"
+    # The noun is plural already, or a name that has no plural, such as "PS Abs".
+    elif thing.endswith("s"):
         plural = thing
+    # Words such as "body", "entry" and "assembly", but not "key".
     elif thing.endswith(("dy", "ry", "ly")):
         plural = f"{thing[:-1]}ies"
     else:

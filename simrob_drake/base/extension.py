@@ -115,6 +115,7 @@ class Extension:
             )
         if not isinstance(self.title, str):
             raise TypeError(f"title is {self.title!r}; it must be a text")
+        # A text is a sequence of texts, too: needs="linear" would be read as six names of one letter.
         for key in ("needs", "uses"):
             names = getattr(self, key)
             if not isinstance(names, list | tuple) or not all(
@@ -243,6 +244,7 @@ def installed_extensions() -> tuple[InstalledExtension, ...]:
 
     The extensions of this package come first so that no other package can take their names.
     """
+    # The order decides which of two extensions with the same name is used, so it must not depend on the file system.
     found = [
         _load_extension(entry) for entry in sorted(entry_points(group=GROUP), key=_order_of_entry)
     ]
@@ -303,6 +305,7 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
         BrokenExtension: the class cannot be imported, has another base, or another name. The message names the package.
     """
     found = load_addition(addition)
+    # issubclass would raise a TypeError for an object that is no class, such as a function.
     if not (isinstance(found, type) and issubclass(found, base)):
         expected = message(
             "base.a_subclass_of",
@@ -320,13 +323,14 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
                 expected=expected,
             )
         )
+    # Python reports missing methods only when an object is made, which would be in the middle of a run.
     abstract = sorted(getattr(found, "__abstractmethods__", ()))
     if abstract:
         lacking = ", ".join(abstract)
         raise BrokenExtension(
             message(
                 "base.class_lacks_methods",
-                "{owner}: {target} lacks {lacking}, see {name}",
+                "{owner}: {target} lacks {lacking}, which {name} requires",
                 owner=addition.owner,
                 target=addition.target,
                 lacking=lacking,
@@ -343,6 +347,7 @@ def check_usable(point: str, name: str, base: Any, named_by: str = "") -> None:
 
     Registries call it for a name that they do not know, so that the message gives the true cause.
     """
+    # The name is not in the registry either because no extension adds it, or because its class was left out there.
     addition = additions(point).get(name)
     if addition is not None:
         load_addition_class(addition, base, named_by)
@@ -357,6 +362,7 @@ def classes_of_extensions(point: str, base: Any, named_by: str = "") -> dict[str
     for name, addition in additions(point).items():
         try:
             found[name] = load_addition_class(addition, base, named_by)
+        # One broken class must not hide the others: only a user of its name needs the reason.
         except BrokenExtension:
             continue
     return found
@@ -430,11 +436,12 @@ def _check_name(addition: Addition, found: Any, named_by: str) -> None:
     Raises:
         BrokenExtension: the names differ.
     """
+    # Files and results contain the object's own name, which must find the same object again through the announced name.
     own_name = getattr(found, named_by, None)
     if own_name != addition.name:
         problem = message(
             "base.announced_under_other_name",
-            "has the {named_by} {own_name}, and is announced as {announced_name}",
+            "has the {named_by} {own_name}, but is announced as {announced_name}; both must be equal",
             named_by=named_by,
             own_name=repr(own_name),
             announced_name=repr(addition.name),
@@ -459,7 +466,7 @@ def additions(point: str) -> dict[str, Addition]:
     found = {}
     for installed in installed_extensions():
         for addition in installed.additions_at(point):
-            # The first word is the name of a command; of everything else it is the whole name.
+            # A command "course check" is below a command "course", which the core may have. Other names are one word.
             if addition.name not in taken and addition.name.partition(" ")[0] not in taken:
                 found[addition.name] = addition
     return found
@@ -474,7 +481,8 @@ def load_addition(addition: Addition) -> Any:
     module_name, _, name = addition.target.partition(":")
     try:
         return getattr(import_module(module_name), name)
-    except (Exception, SystemExit) as problem:  # a module of somebody else may raise anything
+    # Code of an extension may raise anything, and a script may end with sys.exit when it is imported.
+    except (Exception, SystemExit) as problem:
         reason = shortened(
             compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
         )
@@ -503,9 +511,11 @@ def code_of_extension(owner: str, name: str) -> Iterator[None]:
     """
     try:
         yield
+    # An error of the user's input, such as a wrong file, is no fault of the extension.
     except SimrobError:
         raise
-    except (Exception, SystemExit) as problem:  # code of somebody else may raise anything
+    # Interrupts by the user are neither of these classes, and pass.
+    except (Exception, SystemExit) as problem:
         reason = shortened(
             compound("{name}: {problem}", name=type(problem).__name__, problem=problem), 200
         )
@@ -528,13 +538,13 @@ def addition_path(addition: Addition) -> Path | None:
     package, _, name = addition.target.partition(":")
     try:
         spec = find_spec(package)
-    except (
-        ImportError,
-        ValueError,
-    ):  # of a package in a package that is missing, or of an empty name
+    # ImportError: the package above this one is missing. ValueError: the name is empty.
+    except (ImportError, ValueError):
         return None
+    # A module that is a single file has no locations, and no folder of data.
     if spec is None or not spec.submodule_search_locations:
         return None
+    # A namespace package may have several folders, the first of which Python searches first.
     path = Path(next(iter(spec.submodule_search_locations)), name)
     return path if path.exists() else None
 
@@ -563,7 +573,7 @@ def check_addition(point: str, addition: Addition) -> None:
         raise BrokenExtension(
             message(
                 "base.addition_missing",
-                "{owner}: there is no {expected} {target}",
+                "{owner}: the {expected} {target} does not exist",
                 owner=addition.owner,
                 expected=expected,
                 target=addition.target,
@@ -608,6 +618,7 @@ def register_core_names(point: str, names: Callable[[], Iterable[str]]) -> None:
 
 def core_names(point: str) -> set[str]:
     """Return the names that the core has at an extension point. It is empty until that point's registry is imported."""
+    # The registries are imported late, since most of them load Drake.
     return set(_core_names[point]()) if point in _core_names else set()
 
 
@@ -617,6 +628,7 @@ _core_names: dict[str, Callable[[], Iterable[str]]] = {}
 def _order_of_entry(entry: EntryPoint) -> tuple[bool, str, str]:
     """Sort key of an entry point: those of this package first, then by the names of distribution and entry point."""
     package = entry.dist.name if entry.dist else ""
+    # False comes before True.
     return (package != DISTRIBUTION, package, entry.name)
 
 
@@ -634,10 +646,8 @@ def _load_extension(entry: EntryPoint) -> InstalledExtension:
     )
     try:
         extension = entry.load()
-    except (
-        Exception,
-        SystemExit,
-    ) as error:  # a broken package of somebody else must not stop anything here
+    # A broken package of somebody else must not stop a command that does not use it.
+    except (Exception, SystemExit) as error:
         return found.with_problem(_import_problem(entry, error))
     # The extensions of this package have its version, so there is nothing to compare.
     is_own = found.package == DISTRIBUTION
@@ -701,6 +711,7 @@ def _version_problem(core: str) -> str:
     from simrob_drake import __version__
 
     try:
+        # A specifier such as >=0.1 would otherwise refuse the development version 0.2.dev1.
         fits = SpecifierSet(core).contains(__version__, prereleases=True)
     except InvalidSpecifier:
         return message(
@@ -713,7 +724,7 @@ def _version_problem(core: str) -> str:
         if fits
         else message(
             "base.other_version_needed",
-            "it works with simrob_drake {core}, and this is {version}",
+            "it needs simrob_drake {core}, but version {version} is installed",
             core=core,
             version=__version__,
         )
@@ -733,12 +744,13 @@ def _malformed_addition(extension: Extension) -> str:
                     name=repr(name),
                     target=repr(target),
                 )
+    # The help of a command lists the commands below it, so a command of two words needs the one above.
     for name in extension.commands:
         above, is_below, _ = name.partition(" ")
         if is_below and above not in extension.commands:
             return message(
                 "base.no_command_above",
-                "there is no command {above} for the command {name} below it",
+                "the command {name} needs the command {above}, which the extension does not have",
                 above=repr(above),
                 name=repr(name),
             )
@@ -759,6 +771,7 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
         if missing is None:
             checked.append(installed)
             continue
+        # The two cases need different remedies: to install the other extension, or to repair it.
         is_installed = any(other.name == missing for other in found)
         state = (
             message("base.not_used", "is left out")
@@ -780,20 +793,23 @@ def _without_missing_needs(found: list[InstalledExtension]) -> list[InstalledExt
 
 
 def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExtension]:
-    """Yield all extensions. If one takes a name of an earlier one, it is yielded as left out, with this problem."""
-    packages = dict[str, str]()  # by name of an extension, its package
-    owners = dict[tuple[str, str], Addition]()  # by extension point and name
+    """Yield each extension, as left out with this problem if a name of it belongs to an earlier extension."""
+    # Package of each extension, by the name of the extension.
+    packages = dict[str, str]()
+    # Extension that has taken a name, by extension point and name.
+    owners = dict[tuple[str, str], Addition]()
     # Names of data are the extension's own business: nobody refers to them. Only the ids of messages begin with theirs.
     points = [point for point in POINTS if point not in DATA or point == "messages"]
     for installed in found:
-        if installed.extension is None:  # left out already, so that it takes no names
+        # It was left out before, so it takes no names.
+        if installed.extension is None:
             yield installed
             continue
         if installed.name in packages:
             yield installed.with_problem(
                 message(
                     "base.extension_name_taken",
-                    "package {package} has an extension of this name, too",
+                    "package {package} already has an extension of this name",
                     package=packages[installed.name],
                 )
             )
@@ -803,13 +819,14 @@ def _without_conflicts(found: list[InstalledExtension]) -> Iterator[InstalledExt
             for point in points
             for addition in installed.additions_at(point)
         }
+        # An extension is used as a whole or not at all: half of it would give errors that nobody understands.
         taken = sorted(own.keys() & owners.keys())
         if taken:
             point, name = taken[0]
             yield installed.with_problem(
                 message(
                     "base.addition_name_taken",
-                    "the {point} {name} is also one of {owner}",
+                    "the {point} {name} already belongs to {owner}",
                     point=POINTS[point],
                     name=repr(name),
                     owner=owners[point, name].owner,

@@ -29,8 +29,10 @@ def install_line(extra: str) -> str:
         package, _, marker = requirement.partition(";")
         if re.search(rf"extra == ['\"]{extra}['\"]", marker):
             packages.append(package.strip())
+    # No requirement has this marker, or the metadata of the package is missing.
     if not packages:
         packages = [f"{DISTRIBUTION}[{extra}]"]
+    # Quotes, since a shell reads the > of a version as a redirection, and the brackets of an extra as a pattern.
     names = " ".join(f'"{package}"' for package in packages)
     return f"pip install {names}"
 

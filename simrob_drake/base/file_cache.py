@@ -19,10 +19,13 @@ Value = TypeVar("Value")
 class FileState(NamedTuple):
     """Identity, time of the last change and size of a file. Equal states mean that the content is the same."""
 
+    # Device and inode together identify a file. They change when another file takes its name, as editors do.
     device: int
     inode: int
-    changed: int  # time of the last change [ns]
-    size: int  # [bytes]
+    changed: int
+    """Time of the last change [ns]."""
+    size: int
+    """Size [bytes]. It shows a change within the resolution of the time."""
 
 
 FileStates = dict[str, FileState | None]

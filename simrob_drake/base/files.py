@@ -52,6 +52,7 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
     with opened(file) as stream:
         size = os.fstat(stream.fileno()).st_size
         content = b""
+        # A file that is too large is not read at all: it could fill the memory.
         if size <= largest:
             # One byte more than allowed: the file may have grown. The result is None if reading would block.
             content = stream.read(largest + 1) or b""
@@ -69,7 +70,8 @@ def opened(file: Path | str) -> Iterator[BufferedReader]:
     Raises:
         NotRead: there is no such file, it is no regular file, or no file can have its name.
     """
-    file_state(file)  # caches record the file, if a value is made from it at this moment
+    # A cache that makes a value from this file at the moment records its state.
+    file_state(file)
     try:
         with _open(file) as content:
             yield content
@@ -83,7 +85,8 @@ def _open(file: Path | str) -> BufferedReader:
     """Open a regular file. Raises NotRead if it is another kind of file, and OSError as Python's own open."""
     try:
         return open(file, "rb", opener=_open_without_waiting)
-    except ValueError:  # the name contains a surrogate, or the character 0
+    # The name contains a surrogate, or the character 0.
+    except ValueError:
         raise NotRead(message("base.impossible_file_name", "no file can have this name")) from None
 
 
@@ -93,13 +96,14 @@ def _open_without_waiting(file: str, flags: int) -> int:
     Opening a pipe would wait until another process writes to it, hence O_NONBLOCK.
     """
     descriptor = os.open(file, flags | os.O_NONBLOCK)
+    # The type is read from the open descriptor. Between a check of the name and its opening, the file could change.
     mode = os.fstat(descriptor).st_mode
     if stat.S_ISREG(mode):
         return descriptor
     os.close(descriptor)
     if stat.S_ISDIR(mode):
         raise NotRead(message("base.is_a_folder", "it is a folder"))
-    raise NotRead(message("base.no_regular_file", "it is no regular file"))
+    raise NotRead(message("base.no_regular_file", "it is not a regular file"))
 
 
 def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
@@ -113,13 +117,14 @@ def text_of(file: Path | str, largest: int = LARGEST_TEXT) -> str:
         NotRead: the file cannot be read, is too large, or contains no UTF-8.
     """
     try:
+        # Editors on Windows begin a file with a byte order mark, and end its lines with carriage return and line feed.
         text = content_of(file, largest).decode("utf-8-sig")
         return text.replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as problem:
         raise NotRead(
             message(
                 "base.no_utf8",
-                "it is no text in UTF-8: {reason} in byte {start}",
+                "it is not text in UTF-8: {reason} in byte {start}",
                 reason=problem.reason,
                 start=problem.start,
             )
@@ -171,6 +176,7 @@ def read_columns(file: Path, names: Sequence[str]) -> Columns:
             or contains something that is no finite number.
     """
     rows = _rows(file)
+    # The rows come from one iterator: taking the header leaves the rows of numbers.
     header = _header(rows, file)
     _check_header(header, names, file)
     indices = [header.cells.index(name) for name in names]
@@ -186,7 +192,7 @@ def read_columns(file: Path, names: Sequence[str]) -> Columns:
                 message("base.line", "line {line}", line=row.line),
                 message(
                     "base.cells_and_columns",
-                    "has {cells} cells, and the columns are {columns}",
+                    "has {cells} cells, but the table has {columns} columns",
                     cells=len(row.cells),
                     columns=len(header.cells),
                 ),
@@ -205,6 +211,7 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
     """
     values = list[list[float]]()
     for row in _rows(file):
+        # The numbers are checked first: in a table with text, a wrong count of cells is the smaller problem.
         values.append(_numbers(row, range(len(row.cells)), file))
         if len(row.cells) != len(values[0]):
             raise InvalidConfig(
@@ -212,14 +219,14 @@ def read_matrix(file: Path) -> NDArray[np.float64]:
                 message("base.line", "line {line}", line=row.line),
                 message(
                     "base.cells_unlike_first_line",
-                    "has {cells} cells, and the first line {first_cells}",
+                    "has {cells} cells, but the first line has {first_cells}",
                     cells=len(row.cells),
                     first_cells=len(values[0]),
                 ),
             )
     if not values:
         raise InvalidConfig(
-            file, "", message("base.empty_table", "is empty; it must hold lines of numbers")
+            file, "", message("base.empty_table", "is empty; it must contain lines of numbers")
         )
     return np.array(values)
 
@@ -247,7 +254,7 @@ def _header(rows: Iterator[_Row], file: Path) -> _Row:
             "",
             message(
                 "base.empty_table_with_names",
-                "is empty; it must hold a line of names, and lines of numbers below",
+                "is empty; it must contain a line of names, and lines of numbers below it",
             ),
         )
     return header._replace(cells=[name.strip() for name in header.cells])
@@ -264,6 +271,7 @@ def _rows(file: Path) -> Iterator[_Row]:
     """
     try:
         text = text_of(file, LARGEST_TABLE)
+        # The first line has names, never numbers, so a comma in it is a separator.
         first_line = text.lstrip().partition("\n")[0]
         has_semicolons = ";" in first_line and "," not in first_line
         # Each call of readline gives a line, or an empty text at the end of the file. A file in which no line ends is
@@ -299,16 +307,17 @@ def _check_header(header: _Row, names: Sequence[str], file: Path) -> None:
     if missing:
         lacking = message(
             "base.lacks_columns",
-            "lacks the columns {missing}; needed: {names}{hint}",
+            "lacks the columns {missing}; required: {names}{hint}",
             missing=", ".join(missing),
             names=", ".join(names),
             hint=_separator_hint(header.cells),
         )
         raise InvalidConfig(file, line, lacking)
+    # Two columns of the same name: it is not clear which of them is meant.
     twice = next((name for name in names if header.cells.count(name) > 1), None)
     if twice is not None:
         raise InvalidConfig(
-            file, line, message("base.column_twice", "names the column {twice} twice", twice=twice)
+            file, line, message("base.column_twice", "has the column {twice} twice", twice=twice)
         )
 
 
@@ -318,11 +327,12 @@ def _separator_hint(names: Sequence[str]) -> str:
     Args:
         names: names of the columns. Wrong separators are parts of a name.
     """
+    # A table that has another separator has a single column, whose name is the whole first line.
     for separator in (";", "\t"):
         if any(separator in name for name in names):
             return message(
                 "base.other_separator",
-                "; it is separated by {other}, and must be by commas, with decimal points",
+                "; the separator is {other}, but it must be a comma, with decimal points",
                 other=repr(separator),
             )
     return ""
@@ -340,6 +350,7 @@ def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
         InvalidConfig: there is no such cell, or it contains no finite number.
     """
     try:
+        # float() reads "nan" and "inf" without an error; they are refused below, together with all other texts.
         values = [float(row.cells[index]) for index in indices]
     except (ValueError, IndexError):
         values = [math.nan]
@@ -349,16 +360,23 @@ def _numbers(row: _Row, indices: Sequence[int], file: Path) -> list[float]:
             file,
             message("base.line", "line {line}", line=row.line),
             message(
-                "base.no_number_in_table", "holds something that is no number: {found}", found=found
+                "base.no_number_in_table",
+                "contains a value that is not a number: {found}",
+                found=found,
             ),
         )
     return values
 
 
-# Names of the files that describe a robot, a piece and an exercise of the course.
+# Each robot, each piece and each exercise of the course has a folder of its own, with one of these files in it.
 ROBOT_FILE = "robot.yaml"
+"""Name of the file that describes a robot."""
+
 PIECE_FILE = "piece.yaml"
+"""Name of the file that describes a piece."""
+
 EXERCISE_FILE = "exercise.yaml"
+"""Name of the file that describes an exercise."""
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 """Folder of the Python package."""
@@ -366,6 +384,7 @@ _PACKAGE = Path(__file__).resolve().parents[1]
 
 def data_root() -> Path:
     """Folder with ``models``, ``diagrams`` and ``course``: inside the wheel, or the top of a checkout."""
+    # The wheel contains these folders as `data`. A checkout has them next to the package.
     installed = _PACKAGE / "data"
     return installed if installed.is_dir() else _PACKAGE.parent
 
@@ -443,7 +462,8 @@ def _model_files(point: str) -> dict[str, Path]:
     """
     found: dict[str, Path] = {}
     for folder in (_own_folder(point), *addition_folders(point)):
-        found = _files_by_name(point, folder) | found  # the name of an earlier folder stays
+        # The right operand of | wins: the name of an earlier folder stays.
+        found = _files_by_name(point, folder) | found
     return dict(sorted(found.items()))
 
 

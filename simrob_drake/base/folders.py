@@ -63,8 +63,10 @@ def cache_entry(kind: str, *, made_of: Iterable[bytes], made_by: Iterable[Path])
         # Digests of equal length, so that the borders between the contents count.
         digest.update(hashlib.sha256(content).digest())
     entry = cache_root() / kind / digest.hexdigest()[:32]
-    with suppress(OSError):  # the entry does not exist yet, or the disk is read-only
-        os.utime(entry)  # it was used now
+    # The time of the last change serves as the time of the last use. The entry may not exist yet, or the disk may be
+    # read-only.
+    with suppress(OSError):
+        os.utime(entry)
     _delete_unused(entry.parent)
     return entry
 
@@ -77,7 +79,8 @@ def is_cached(file: Path) -> bool:
 def _delete_unused(cache: Path) -> None:
     """Delete the entries of a cache that were not used for a long time."""
     for entry in cache.glob("*"):
-        with suppress(OSError):  # another process has deleted it
+        # Another process may delete the entry at the same time.
+        with suppress(OSError):
             unused_time = time.time() - entry.stat().st_mtime
             if unused_time > _LIFE_OF_ENTRIES:
                 shutil.rmtree(entry, ignore_errors=True)
@@ -153,6 +156,7 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
     """
     # os.path.exists is false for names that no folder can have. These are refused with their reason below.
     if os.path.exists(folder):
+        # An empty folder holds nothing of the user's, so it may be replaced like a former result.
         is_replaceable = folder.is_dir() and (
             (folder / marker).is_file() or not any(folder.iterdir())
         )
@@ -160,7 +164,7 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
             raise OutputError(
                 message(
                     "base.no_result_folder",
-                    "{folder} holds something else than a result; it is not replaced, choose another folder",
+                    "{folder} contains files that are not a result, and is not replaced; choose another folder",
                     folder=folder,
                 )
             )
@@ -183,6 +187,7 @@ def writing(target: Path) -> Iterator[None]:
     try:
         yield
     except OSError as problem:
+        # Errors of libraries have no strerror, and may have several lines.
         why = problem.strerror or str(problem).partition("\n")[0]
         raise OutputError(
             message(
@@ -215,10 +220,11 @@ def filled_at_once(folder: Path, *, marker: str, force: bool = False) -> Iterato
         work.mkdir()
         with _errors_with_target(work, folder):
             yield work
-        check_folder(folder, marker=marker, force=force)  # again, since the body may take long
+        # The check is repeated: while the body was at work, the user may have made something at this path.
+        check_folder(folder, marker=marker, force=force)
         folder.parent.mkdir(parents=True, exist_ok=True)
         if not folder.exists():
-            # fails if another process has made the folder and filled it at this moment
+            # This fails if another process has made the folder and filled it at this moment.
             work.rename(folder)
         elif not _swap_at_once(folder, work):
             _exchange(folder, work, aside=workshop / _BEFORE)
@@ -233,11 +239,13 @@ def replaced_at_once(file: Path) -> Iterator[Path]:
     Raises:
         OutputError: the target cannot be written.
     """
+    # Renaming onto a symbolic link would replace the link itself.
     target = Path(os.path.realpath(file))
     with writing(file), _workshop(target.parent, target.name) as workshop:
         work = workshop / target.name
         with _errors_with_target(work, file):
             yield work
+        # Within one folder, the system replaces a file in one step: a reader sees the former content or the new one.
         work.replace(target)
 
 
@@ -261,6 +269,7 @@ def alone_in(folder: Path) -> Iterator[None]:
         OutputError: another process has locked the folder, or there is no such folder.
     """
     with writing(folder):
+        # The lock belongs to the open descriptor. If the process is killed, the system closes it and the lock is gone.
         lock = os.open(folder, os.O_RDONLY)
     try:
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -268,7 +277,9 @@ def alone_in(folder: Path) -> Iterator[None]:
     except BlockingIOError as problem:
         raise OutputError(
             message(
-                "base.folder_in_use", "{folder}: another process is at work in it", folder=folder
+                "base.folder_in_use",
+                "{folder}: another process is using this folder",
+                folder=folder,
             )
         ) from problem
     finally:
@@ -295,15 +306,15 @@ def _workshop(folder: Path, name: str) -> Iterator[Path]:
         name: name of the target, with which the name of the workshop begins.
     """
     _delete_abandoned_workshops(folder)
+    # File systems allow names of 255 bytes, to which the random part and the ending are added.
     prefix = f".{name[:100]}-"
     with tempfile.TemporaryDirectory(
         _WORKSHOP, prefix, folder, ignore_cleanup_errors=True
     ) as workshop:
         lock = os.open(workshop, os.O_RDONLY)
         try:
-            with suppress(
-                OSError
-            ):  # on a disk without locks no workshop is ever deleted by another process
+            # On a disk without locks, no other process can lock a workshop, and so none deletes it.
+            with suppress(OSError):
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
             yield Path(workshop)
         finally:
@@ -313,11 +324,13 @@ def _workshop(folder: Path, name: str) -> Iterator[Path]:
 def _delete_abandoned_workshops(folder: Path) -> None:
     """Delete the workshops in a folder whose processes were killed. A process that ends releases its locks."""
     for workshop in folder.glob(f".*{_WORKSHOP}"):
-        with suppress(OSError):  # it is locked, or another process has deleted it
+        # An error means that the workshop is locked, or that another process has deleted it.
+        with suppress(OSError):
             age = time.time() - workshop.stat().st_mtime
             has_former_result = (workshop / _BEFORE).exists()
             if age < _LOCKING_TIME or has_former_result:
                 continue
+            # A symbolic link with such a name could lead to a folder of the user's: it is not followed.
             lock = os.open(workshop, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -336,7 +349,8 @@ def _swap_at_once(folder: Path, work: Path) -> bool:
         if sys.platform == "darwin":
             return int(c_library.renamex_np(first, second, 2)) == 0
         return int(c_library.renameat2(-100, first, -100, second, 2)) == 0
-    except AttributeError:  # a C library without it
+    # An old C library has no such function.
+    except AttributeError:
         return False
 
 
@@ -351,6 +365,7 @@ def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
     folder.rename(aside)
     try:
         work.rename(folder)
+    # An interrupt by the user, too, must not leave the target without any result.
     except BaseException:
         aside.rename(folder)
         raise

@@ -59,6 +59,7 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     if isinstance(pose, RigidTransform):
         return pose
     matrix = numbers(pose)
+    # It is a pose vector, or has a shape that this function refuses.
     if matrix.shape != (4, 4):
         return transform_from_pose(pose)
     if not np.isfinite(matrix).all() or not _are_rigid(matrix[np.newaxis])[0]:
@@ -68,7 +69,10 @@ def as_transform(pose: PoseLike) -> RigidTransform:
     return RigidTransform(rotation, matrix[:3, 3])
 
 
-_A_TRANSFORM = message("base.a_transform_matrix", "a rotation, a place, and a last row 0 0 0 1")
+_A_TRANSFORM = message(
+    "base.a_transform_matrix",
+    "a homogeneous matrix: a rotation, a position, and the last row 0 0 0 1",
+)
 """Expected form of a matrix, for errors."""
 
 
@@ -76,6 +80,7 @@ def _are_rigid(matrices: Vector) -> Flags:
     """Whether finite matrices (k, 4, 4) are rigid motions: an orthogonal matrix R with det R > 0, last row 0 0 0 1."""
     rotations = matrices[:, :3, :3]
     deviations = np.abs(rotations @ rotations.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
+    # A mirror image fulfils R R^T = I, too: its determinant is -1.
     is_right_handed = np.linalg.det(rotations) > 0
     has_last_row = (matrices[:, 3] == [0, 0, 0, 1]).all(axis=1)
     return np.asarray((deviations < _RIGID) & is_right_handed & has_last_row)
@@ -100,34 +105,41 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
     second = point(x2, "x2")
     third = point(y1, "y1")
     along = second - first  # d in the equation above
+    # Without this check, the quotient below would divide by zero.
     if np.linalg.norm(along) < _APART:
         raise InvalidParameter(
             "x2",
             second.tolist(),
-            message("base.other_point_than_x1", "another point than x1 {x1}", x1=first.tolist()),
+            message(
+                "base.other_point_than_x1", "a point different from x1 {x1}", x1=first.tolist()
+            ),
         )
     origin = first + (third - first) @ along / (along @ along) * along
     to_x2 = second - origin
     to_y1 = third - origin
+    # The foot of the perpendicular is y1 itself: the three points are on one line.
     if np.linalg.norm(to_y1) < _APART:
         raise InvalidParameter(
             "y1",
             third.tolist(),
             message(
                 "base.off_the_line",
-                "off the line through x1 and x2: three collinear points fix no frame",
+                "off the line through x1 and x2: three collinear points do not define a frame",
             ),
         )
+    # The x axis needs a second point beyond the origin.
     if np.linalg.norm(to_x2) < _APART:
         raise InvalidParameter(
             "x2",
             second.tolist(),
             message(
-                "base.away_from_foot", "away from the foot of the perpendicular from y1, the origin"
+                "base.away_from_foot",
+                "different from the origin, which is the foot of the perpendicular from y1",
             ),
         )
     x_axis = to_x2 / np.linalg.norm(to_x2)
     y_axis = to_y1 / np.linalg.norm(to_y1)
+    # The x and y axes are at right angles by the choice of the origin, so this one has the length 1.
     z_axis = np.cross(x_axis, y_axis)
     return RigidTransform(RotationMatrix(np.column_stack([x_axis, y_axis, z_axis])), origin)
 
@@ -200,7 +212,8 @@ def poses_from_matrices(matrices: Vector) -> Vector:
 def xyz_quaternion_from_transform(transform: RigidTransform) -> Vector:
     """Convert a transform to [x y z qw qx qy qz], shape (7,), the form of the pose ports, with qw not negative."""
     wxyz = transform.rotation().ToQuaternion().wxyz()
-    if wxyz[0] < 0:  # q and -q are the same rotation
+    # q and -q are the same rotation. One of the two is chosen, so that equal poses have equal numbers.
+    if wxyz[0] < 0:
         wxyz = -wxyz
     return np.concatenate([transform.translation(), wxyz])
 
@@ -243,6 +256,7 @@ def matrices_from_xyz_quaternions(values: Vector) -> Vector:
     """Convert [x y z qw qx qy qz] with unit quaternions, shape (..., 7), to homogeneous matrices (..., 4, 4)."""
     # With the quaternion (w, u) and the matrix C of the cross product, C v = u x v: R = I + 2 (w C + C C).
     scalar = values[..., 3, np.newaxis, np.newaxis]
+    # Row k is u x e_k, which is column k of C.
     columns = np.cross(values[..., np.newaxis, 4:], np.eye(3))
     cross_matrix = np.swapaxes(columns, -1, -2)
     rotations = np.eye(3) + 2 * (scalar * cross_matrix + cross_matrix @ cross_matrix)
@@ -302,10 +316,12 @@ def lean(up: list[float], qw: float, qx: float, qy: float, qz: float) -> float:
         qy: y entry of the vector part.
         qz: z entry of the vector part.
     """
+    # Scalar product of the upward direction of the world and that of the body, both in the axes of the body.
     cosine: float = sum(map(operator.mul, vertical(qw, qx, qy, qz), up))
     if not math.isfinite(cosine):
         return cosine
-    return math.acos(min(max(cosine, -1.0), 1.0))  # rounding may bring it beyond 1
+    # Rounding may bring the cosine of an upright body slightly beyond 1, where acos fails.
+    return math.acos(min(max(cosine, -1.0), 1.0))
 
 
 Targets: TypeAlias = npt.ArrayLike | RigidTransform | Sequence[RigidTransform]
@@ -349,7 +365,9 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
             raise InvalidParameter(
                 name,
                 targets,
-                message("base.all_of_one_form", "{expected}, all of one form", expected=_EXPECTED),
+                message(
+                    "base.all_of_one_form", "{expected}, all of the same form", expected=_EXPECTED
+                ),
             )
         return np.array(
             [target.GetAsMatrix4() for target in targets if isinstance(target, RigidTransform)]
@@ -358,7 +376,8 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
     if not values.size:
         raise InvalidParameter(name, targets, _EXPECTED)
     if not np.isfinite(values).all():
-        index = np.argwhere(~np.isfinite(values))[0].tolist()  # of the first bad entry
+        # The first bad entry is named: an array of many poses would be too long to show.
+        index = np.argwhere(~np.isfinite(values))[0].tolist()
         value = values[tuple(index)]
         raise InvalidParameter(
             name,
@@ -370,6 +389,7 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
             ),
             message("base.finite_numbers", "finite numbers"),
         )
+    # The last dimensions tell the two forms apart: a pose vector has six numbers, a matrix four rows of four.
     if values.ndim in (1, 2) and values.shape[-1] == POSE_SIZE:
         return _matrices_from_vectors(np.atleast_2d(values))
     if values.ndim in (2, 3) and values.shape[-2:] == (4, 4):
@@ -402,6 +422,7 @@ def one_pose(target: Targets, name: str) -> Vector:
 def rotation_vectors(turns: Vector) -> Vector:
     """Compute the rotation vectors (axis times angle, at most π) of rotation matrices (k, 3, 3), shape (k, 3) [rad]."""
     sines_and_traces = turns.reshape(-1, 9) @ _SINE_AND_TRACE
+    # One product with S gives all four numbers of each rotation, which is faster than indexing the nine entries.
     axes_times_sine = sines_and_traces[:, :3]
     sine = np.sqrt((axes_times_sine * axes_times_sine).sum(axis=1))
     cosine = 0.5 * (sines_and_traces[:, 3] - 1.0)  # trace R = 1 + 2 cos(angle)
@@ -409,6 +430,7 @@ def rotation_vectors(turns: Vector) -> Vector:
     # The quotient is 1 in the limit of small angles, where the division would fail.
     scale = np.where(sine > _SMALLEST_SINE, angle / np.maximum(sine, _SMALLEST_SINE), 1.0)
     vectors = scale[:, np.newaxis] * axes_times_sine
+    # SciPy computes these few through a quaternion, which is accurate near a half turn.
     is_half_turn = cosine < _HALF_TURN
     if is_half_turn.any():
         from scipy.spatial.transform import Rotation  # imported here, since it takes long to load
@@ -446,6 +468,7 @@ def within(errors: Vector, weights: Vector, tolerance: Vector) -> Flags:
         a boolean for each pose, shape (k,).
     """
     # Squares are compared, which saves the roots.
+    # The weights only decide which errors count. A tolerance is a distance or an angle as the user measures it.
     squares = errors * errors * (weights > 0)
     is_near = squares[:, :3].sum(axis=1) <= tolerance[0] ** 2
     is_aligned = squares[:, 3:].sum(axis=1) <= tolerance[1] ** 2
@@ -484,6 +507,7 @@ def _check_matrices(matrices: Vector, name: str) -> None:
     """
     is_rigid = _are_rigid(matrices)
     if not is_rigid.all():
+        # The index of the first False, which is less than True.
         bad = int(np.argmin(is_rigid))
         raise InvalidParameter(f"{name}[{bad}]", matrices[bad].tolist(), _A_TRANSFORM)
 

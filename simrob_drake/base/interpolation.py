@@ -35,6 +35,7 @@ def line(start: npt.ArrayLike, end: npt.ArrayLike, part: npt.ArrayLike) -> Vecto
     first = point(start, "start")
     last = point(end, "end")
     parts = _parts(part)
+    # Keep this form: the result at the part 0 is exactly the start.
     return first + parts[:, np.newaxis] * (last - first)
 
 
@@ -139,21 +140,25 @@ class Arc:
         r = point(end, "end")
         u = q - p
         v = r - p
+        # The normal of the plane through the three points. It vanishes if they are collinear.
         normal = np.cross(u, v)
         sides = [float(np.linalg.norm(side)) for side in (u, v, r - q)]
         # |n| = |u| |v| sin(angle)
         is_straight = bool(np.linalg.norm(normal) < _STRAIGHT * sides[0] * sides[1])
+        # Equal points have no direction, so their sine alone would not show that they are collinear.
         if min(sides) < _APART or is_straight:
             points = ", ".join(_short_point(place) for place in (p, q, r))
             expected = message(
                 "base.three_points_off_a_line",
-                "through three points that are not on one line, unlike {found} m",
+                "through three points that are not collinear, unlike {found} m",
                 found=points,
             )
             raise InvalidParameter(name, "straight", expected)
+        # The equations of the docstring; `first` is their vector a.
         first = np.cross((v @ v) * u - (u @ u) * v, normal) / (2 * normal @ normal)
         centre = p - first
         axis = normal / np.linalg.norm(normal)
+        # The axis is a unit vector at a right angle to a, so b is as long as a.
         across = np.cross(axis, first)
         # Angle of the last point in the basis (a, b), from 0 to 2 pi: the arc may be longer than half a circle.
         last = r - centre
@@ -173,6 +178,7 @@ class Arc:
     def points(self, part: npt.ArrayLike) -> Vector:
         """Points of the arc (k, 3) [m] at parts (k,) of it."""
         angles = self.angle * _parts(part)[:, np.newaxis]
+        # One row for each angle: the angles are a column, and the vectors are rows.
         return self.centre + np.cos(angles) * self.first + np.sin(angles) * self.across
 
 

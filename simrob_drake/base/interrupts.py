@@ -19,6 +19,7 @@ def heard_afterwards() -> Iterator[None]:
     if current_thread() is not main_thread() or not callable(handler):
         yield
         return
+    # Several interrupts in the body count as one: the user presses the keys again because nothing seems to happen.
     interrupts: list[tuple[Any, ...]] = []  # arguments of the handler for each interrupt
     signal.signal(signal.SIGINT, lambda *arguments: interrupts.append(arguments))
     try:

@@ -5,6 +5,7 @@ The core imports no extension. The table of names only serves for messages, such
 
 from simrob_drake.base.extension import additions, needed_extension
 
+# Extensions cannot be asked for these names: the ones that matter here are those that are not installed.
 _PROVIDERS = {
     "controllers": {"policy": "learning"},
     "engines": {"mujoco": "mujoco"},

@@ -56,8 +56,10 @@ def release(builder: DiagramBuilder, diagram: Diagram) -> None:
     blocks = [
         block for block in diagram.GetSystems() if not type(block).__module__.startswith("pydrake.")
     ]
+    # The circle block - builder - diagram - block is opened at its first link.
     for block in blocks:
         vars(block).get(_PEERS, set()).discard(builder)
+    # At the end of the process, nothing needs to be deleted, and Drake's modules may be gone already.
     weakref.finalize(diagram, _empty, blocks).atexit = False
 
 
@@ -85,7 +87,7 @@ def weakly(method: Callable[P, R]) -> Callable[P, R]:
 
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         bound_method = reference()
-        # a block's ports are evaluated by its diagram, which holds the block
+        # A block's ports are evaluated by its diagram, which holds the block.
         assert bound_method is not None
         return bound_method(*args, **kwargs)
 
@@ -100,10 +102,12 @@ class _Collector:
 
     def __init__(self) -> None:
         """Begin with no diagram."""
-        # diagrams that were not deleted yet
+        # Diagrams that were not deleted yet.
         self._living: weakref.WeakSet[Diagram] = weakref.WeakSet()
-        self._bound = _MOST_WAITING  # count of living diagrams above which a collection starts
-        self._not_before = 0.0  # time before which no collection starts, of the monotonic clock [s]
+        # Count of living diagrams above which a collection starts.
+        self._bound = _MOST_WAITING
+        # Time before which no collection starts, of the monotonic clock [s].
+        self._not_before = 0.0
 
     def watch(self, diagram: Diagram) -> None:
         """Count a diagram, and start a collection if there are several more than after the last collection."""
@@ -113,7 +117,8 @@ class _Collector:
             gc.collect()
             ended = monotonic()
             self._not_before = ended + _PAUSE * (ended - began)
-            self._bound = len(self._living) + _MOST_WAITING  # those that are left are in use
+            # The diagrams that a collection leaves are in use, and do not count as waiting.
+            self._bound = len(self._living) + _MOST_WAITING
 
 
 _COLLECTOR = _Collector()
@@ -126,6 +131,7 @@ def _empty(blocks: Iterable[System]) -> None:
         blocks: blocks whose diagram was deleted.
     """
     for block in blocks:
+        # The names are collected first: a dict must not change while it is iterated.
         ports = [name for name, value in vars(block).items() if _has_ports(value)]
         for name in (_PEERS, *ports):
             vars(block).pop(name, None)

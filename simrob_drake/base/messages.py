@@ -34,8 +34,9 @@ _WITH_DECIMAL_COMMA = frozenset({"es"})
 """Languages that write 23,5 for the number 23.5."""
 
 _SWAPPED_SEPARATORS = str.maketrans(".,", ",.")
+"""Exchanges the decimal point and the comma between thousands: 1,234.5 becomes 1.234,5."""
 
-
+# A context variable instead of a global: threads that serve users of different languages do not disturb each other.
 _output_language: ContextVar[str] = ContextVar("output_language", default=SOURCE_LANGUAGE)
 
 
@@ -101,6 +102,7 @@ class Message(str):
         Raises:
             KeyError: the template has a field without a value.
         """
+        # The text itself is the English one, so comparisons, logs and JSON need to know nothing of messages.
         text = _fill(template, fields, SOURCE_LANGUAGE)
         created = super().__new__(cls, _with_attributes(text, longest, is_sentence=is_sentence))
         created.id = message_id
@@ -124,6 +126,7 @@ class Message(str):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle and copy the message with its id and its fields."""
+        # Python's own way would call the class with the text alone, as for a plain str, and fail.
         return Message, (self.id, self.template, self.fields, self.longest, self.is_sentence)
 
     def limited_to(self, length: int) -> "Message":
@@ -136,8 +139,9 @@ class Message(str):
         return Message(self.id, self.template, self.fields, self.longest, is_sentence=True)
 
 
+# A YAML file has a message as plain English text. PyYAML dumps a str only if its class is str itself, not a subclass,
+# and each of the two dumpers has its own table of classes.
 for _dumper in (yaml.SafeDumper, yaml.CSafeDumper):
-    # A file has a message as plain English text.
     _dumper.add_representer(Message, lambda dumper, text: dumper.represent_str(str.__str__(text)))
 
 
@@ -172,15 +176,18 @@ def join_texts(parts: Iterable[str], separator: str = ", ") -> Message:
         separator: text between two parts. If it has words, it is a message, such as `` and ``.
     """
     fields = {f"part_{number}": part for number, part in enumerate(parts)}
+    # A separator with words is a field of the template, so that the other language's words are filled in.
     if isinstance(separator, Message):
         template = "{separator}".join(f"{{{name}}}" for name in fields)
         return compound(template, separator=separator, **fields)
+    # A separator without words is a part of the template. Its braces would be read as fields.
     between = separator.replace("{", "{{").replace("}", "}}")
     return compound(between.join(f"{{{name}}}" for name in fields), **fields)
 
 
 def message_of(error: BaseException) -> str:
     """Message of an error: a Message if the error has one, or was raised with one, otherwise its text."""
+    # A SimrobError has the attribute; a ValueError of a validator has only its argument.
     candidates = [getattr(error, "message", None), *error.args[:1]]
     return next(
         (candidate for candidate in candidates if isinstance(candidate, Message)), str(error)
@@ -216,6 +223,8 @@ def in_language(text: str, language: str) -> str:
             reason = f"{type(problem).__name__}: {problem}"
             sentence = f"the template of {text.id} in '{language}' cannot be filled ({reason}); English is shown"
             warnings.warn(sentence, MessageWarning, stacklevel=2)
+    # The English template is filled in the other language all the same: its fields may be messages with a template
+    # there, and numbers get the decimal sign of that language.
     return _with_attributes(
         _fill(text.template, text.fields, language), text.longest, is_sentence=text.is_sentence
     )
@@ -271,9 +280,12 @@ def _check_template(template: str) -> None:
         ValueError: the template takes attributes or entries of its fields, or gives a field a width.
     """
     for _, name, specification, conversion in string.Formatter().parse(template):
-        if name is None:  # text after the last field
+        # The formatter yields the text after the last field as an entry without a field.
+        if name is None:
             continue
+        # A name such as {text.__class__} would read attributes of Python objects.
         is_plain = name.isidentifier() and conversion is None
+        # A width such as {text:1000000000} would make a text of a gigabyte; so could a field inside the specification.
         is_short = "|" in (specification or "") or _SPECIFICATION.fullmatch(specification or "")
         if not (is_plain and is_short) or "{" in (specification or ""):
             raise ValueError(
@@ -380,12 +392,14 @@ class _Filler(string.Formatter):
             format_spec: its format specification. With a bar, it is the singular and the plural of a word, of which
                 the number chooses one.
         """
+        # A pair of words such as "step|steps" is no format specification of Python, so it is handled first.
         if "|" in format_spec:
             singular, plural = format_spec.split("|")
             return singular if value == 1 else plural
         if isinstance(value, str):
             return format(in_language(value, self._language), format_spec)
         text = format(value, format_spec)
+        # Python counts True and False as numbers.
         is_number = isinstance(value, Number) and not isinstance(value, bool)
         return number_in_language(text, self._language) if is_number else text
 
@@ -396,6 +410,7 @@ def _template(message_id: str, language: str) -> str | None:
     return catalogue(package, language).get(message_id) if dot else None
 
 
+# One search for each package and language: it may have to look at all installed extensions.
 @cache
 def _catalogue_file(package: str, language: str) -> Path | None:
     """Find the file with the templates of a package in a language. Returns None if there is none."""
@@ -424,6 +439,7 @@ def _read_catalogue(file: Path | None) -> Mapping[str, str]:
             stacklevel=2,
         )
         return {}
+    # A file that is damaged must not stop a run: its messages are shown in English.
     if not isinstance(content, dict):
         warnings.warn(
             f"{file} must hold a mapping of ids to templates", MessageWarning, stacklevel=2

@@ -16,11 +16,9 @@ from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from itertools import chain
-from os.path import (
-    exists,
-    isdir,
-    isfile,
-)  # False for names that no file can have, where a Path's methods raise
+
+# These return False for names that no file can have, where methods of a Path would raise an error.
+from os.path import exists, isdir, isfile
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidConfig, OutputError, shortened
@@ -82,7 +80,8 @@ def package_root(source: Path) -> Path:
         if isfile(candidate / MANIFEST) or _is_repository(candidate):
             return candidate
     is_part = folder.name.lower() in _INNER
-    is_below_root = folder.parent == Path(folder.anchor)  # the whole disk is no package
+    # If the folder is /urdf, the one above is the whole disk, all of which could then be read.
+    is_below_root = folder.parent == Path(folder.anchor)
     return folder.parent if is_part and not is_below_root else folder
 
 
@@ -100,7 +99,8 @@ def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | 
     Returns:
         the folder, or None if no such package is found.
     """
-    is_plain_name = re.fullmatch(r"\w[\w.-]*", name)  # no "..", and no hidden folder
+    # Neither "..", which would lead out of the allowed folders, nor a hidden folder, such as .ssh.
+    is_plain_name = re.fullmatch(r"\w[\w.-]*", name)
     if not is_plain_name:
         return None
     # The package and the folders above it, then the neighbours of the package and of its parent folder.
@@ -112,6 +112,7 @@ def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | 
     inside = (
         folder for folder in _below(root) if _is_repository(root) or isfile(folder / MODEL_MANIFEST)
     )
+    # The user's own folders come before those of the environment, so that an option decides.
     tops = [*mesh_path, *_ros_folders(name), descriptions_cache()]
     for folder in chain(inside, *map(_below, tops)):
         if folder.name == name or manifest_name(folder) == name:
@@ -126,6 +127,7 @@ def descriptions_cache() -> Path:
 
 def _is_repository(folder: Path) -> bool:
     """Whether a folder is a repository of git. The user's home counts as none, though it is one for some users."""
+    # Some users keep their settings in a repository of the whole home. Everything in it would belong to one package.
     is_home_or_root = folder in (Path.home(), Path(folder.anchor))
     return exists(folder / REPOSITORY) and not is_home_or_root
 
@@ -151,12 +153,15 @@ def _is_package(folder: Path, name: str, *, workspace: Path) -> bool:
         name: name of the package.
         workspace: folder that contains the package from which the name was read.
     """
+    # A manifest is a clear statement that the folder is this package, wherever it is.
     if manifest_name(folder) == name:
         return True
     is_home = folder == Path.home()
-    is_below_root = folder.parent == Path(folder.anchor)  # such as /etc
+    # A file that names the package "etc" must not get the folder /etc.
+    is_below_root = folder.parent == Path(folder.anchor)
     if folder.name != name or is_home or is_below_root:
         return False
+    # A name alone proves little, so a folder without a manifest must be near the package that names it.
     is_neighbour = folder.parent == workspace
     is_above = workspace.is_relative_to(folder)
     return isfile(folder / MANIFEST) or is_neighbour or is_above
@@ -169,6 +174,7 @@ def manifest_name(folder: Path) -> str:
     """
     try:
         with opened(folder / MANIFEST) as file:
+            # The name is near the beginning. A longer file may be one that was made to fill the memory.
             text = file.read(100_000).decode("utf-8", "replace")
     except NotRead:
         return ""
@@ -183,6 +189,7 @@ def _below(top: Path) -> Iterator[Path]:
     for _ in range(_DEPTH + 1):
         yield from level
         count += len(level)
+        # A search of the whole disk ends here; the folders that are near the top were searched.
         if count > _FOLDERS:
             return
         level = [child for folder in level for child in _folders_in(folder)]
@@ -229,17 +236,19 @@ class Border:
     source: Path
     mesh_path: tuple[Path, ...] = ()
     named_packages: Mapping[str, Path] = field(default_factory=dict)
-    # folders of packages found so far
+    # Folders of the packages that were looked for so far, None for those that were not found: a search takes long.
     _packages: dict[str, Path | None] = field(default_factory=dict, init=False)
 
     def __post_init__(self) -> None:
         """Find the package of the file, and the folders that the user allows."""
         self.root = package_root(self.source)
         allowed = (*self.mesh_path, *granted_folders(), *remembered_grants(self.source))
+        # A dict keeps the order and drops repeated folders.
         self.mesh_path = tuple(dict.fromkeys(resolved(folder) for folder in allowed))
 
     def package(self, name: str) -> Path | None:
         """Find the folder of a package by its name. Returns None if there is no such package that may be read."""
+        # What the user names comes before what is found.
         if name in self.named_packages:
             return resolved(self.named_packages[name])
         if name not in self._packages:
@@ -255,6 +264,7 @@ class Border:
         Raises:
             OutsideBorder: the path may not be read.
         """
+        # A symbolic link in an allowed folder may lead out of it, so the path behind all links counts.
         found = resolved(path)
         # A file that may be named by its package may be named by its path, too: the package is added to those found.
         self.package(manifest_name(package_root(found)))
@@ -268,7 +278,7 @@ class Border:
         raise OutsideBorder(
             message(
                 "base.outside_allowed_folders",
-                "lies outside of the allowed folders ({folders}); allow it with --mesh-path {grant}",
+                "is outside the allowed folders ({folders}); allow it with --mesh-path {grant}",
                 folders=listed,
                 grant=grant,
             )
@@ -284,6 +294,7 @@ class Border:
         Raises:
             InvalidConfig: the path may not be read. The message says how the user allows it.
         """
+        # These folders contain nothing of the user's.
         own_folders = (models_root(), diagrams_root(), cache_root())
         if any(resolved(path).is_relative_to(resolved(folder)) for folder in own_folders):
             return
@@ -307,6 +318,7 @@ def package_path(uri: str, border: Border) -> Path:
     Raises:
         OutsideBorder: there is no such package, or it may not be read.
     """
+    # The path may have "..": the caller checks the result with Border.readable.
     name, _, path = uri.removeprefix(PACKAGE_URI).partition("/")
     folder = border.package(name)
     if folder is None:
@@ -370,7 +382,8 @@ def _read_grants() -> dict[str, list[str]]:
     try:
         with opened(_grants_file()) as file:
             content = json.loads(file.read(_LARGEST_MEMORY))
-    except (NotRead, ValueError):  # nothing is remembered, or the file is damaged
+    # Nothing was remembered yet, or the file is damaged: then nothing is allowed.
+    except (NotRead, ValueError):
         return {}
     if not isinstance(content, dict):
         return {}
@@ -392,7 +405,8 @@ def granting(folders: Iterable[Path]) -> Iterator[None]:
     finally:
         remaining = granted_folders()
         for folder in added:
-            with suppress(ValueError):  # other code has removed it
+            # Other code may have removed the folder already. Only one of two equal entries is removed.
+            with suppress(ValueError):
                 remaining.remove(folder)
         _set_granted(remaining)
 
@@ -406,5 +420,6 @@ def resolved(path: Path) -> Path:
     """Path without symbolic links. If it cannot be resolved, it only becomes absolute."""
     try:
         return path.resolve()
-    except (OSError, RuntimeError, ValueError):  # links in a circle, or the character 0 in the name
+    # Links in a circle, or the character 0 in the name.
+    except (OSError, RuntimeError, ValueError):
         return path.absolute()

@@ -9,10 +9,8 @@ from time import monotonic
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    # otherwise imported where it is needed, since it takes long to load
-    from rich.console import (
-        Console,
-    )
+    # Rich takes long to load, so it is imported by the functions that need it.
+    from rich.console import Console
 
 REFRESH = 0.1
 """Least time between two changes of a bar [s]."""
@@ -32,6 +30,7 @@ def note(text: str, *, shown: bool) -> None:
         return
     console = _console()
     if console.is_terminal:
+        # With soft wrapping the terminal breaks a long line, so that a path in it can be copied as a whole.
         console.print(text, soft_wrap=True)
 
 
@@ -91,6 +90,7 @@ def _bar_on_terminal(text: str, total: float, console: "Console") -> Iterator[Ad
         def move(done: float, remark: str = "") -> None:
             """Move the bar, unless it was moved a moment ago."""
             nonlocal last_change
+            # Formatting the bar takes longer than a step of a small station.
             if monotonic() - last_change > REFRESH:
                 last_change = monotonic()
                 description = f"{text}: {remark}" if remark else text

@@ -47,6 +47,7 @@ class Remedy:
     @property
     def changes(self) -> dict[str, object]:
         """Values to set, by dotted keys of the station. Empty if no key does it, or if the user chooses the value."""
+        # A page can offer such a remedy only as text: there is nothing that a button could set.
         if not self.key or self.value is None:
             return {}
         return {self.key: self.value, **dict(self.further)}
@@ -81,6 +82,7 @@ class Remark:
         content: dict[str, Any] = {"severity": self.severity, "text": self.text}
         if self.remedy is not None:
             content["remedy"] = self.remedy.text
+            # Readers of the file expect one text under "set", so further changes have a key of their own.
             content["set"] = self.remedy.setting or None
             if self.remedy.further:
                 content["set_also"] = self.remedy.settings[1:]

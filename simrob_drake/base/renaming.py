@@ -54,6 +54,7 @@ def former_names_of(module: str, present_names: Mapping[str, str]) -> Callable[[
     def find(name: str) -> Any:
         """Find the function or class of a former name."""
         present = present_names.get(name)
+        # Python calls this function for every name that the module lacks, also for names that never existed.
         if present is None:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
         _warn(f"{module}.{name}", f"{module}.{present}")
@@ -76,6 +77,7 @@ def former_argument(former: str, present: str) -> Callable[[Callable[P, R]], Cal
         @wraps(function)
         def with_former_name(*args: P.args, **arguments: P.kwargs) -> R:
             """Call the function, with the present name in place of the former one."""
+            # With both names, Python itself reports the former one as unknown.
             if former not in arguments or present in arguments:
                 return function(*args, **arguments)
             _warn(f"the argument {former} of {function.__name__}()", present)

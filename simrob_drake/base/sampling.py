@@ -42,11 +42,12 @@ def _check_order(space: dict[str, AnyDistribution]) -> dict[str, AnyDistribution
     """
     before = set[str]()
     for key, distribution in space.items():
+        # Values are chosen in the order of the keys, so a condition can only depend on keys that have a value by then.
         for other in distribution.when.keys() - before:
             raise ValueError(
                 message(
                     "base.when_key_later",
-                    "{key}.when.{other} must be a key that stands before {key}",
+                    "{key}.when.{other} must be a key that comes before {key}",
                     key=key,
                     other=other,
                 )
@@ -101,9 +102,11 @@ def distinct(cases: Sequence[_Case]) -> list[_Case]:
     """
     kept: dict[str, _Case] = {}
     for case in cases:
+        # Cases contain lists and mappings, which cannot be the keys of a dict. Their text in JSON can.
         key = json.dumps(case, sort_keys=True, default=str)
+        # A dict appends a new key at its end, so an equal case is removed and added again.
         first = kept.pop(key, case)
-        kept[key] = first  # a new entry is the last one
+        kept[key] = first
     return list(kept.values())
 
 
@@ -111,13 +114,13 @@ class Draws(Strict):
     """Distributions over keys, and how cases are chosen from them."""
 
     vary: Space = Field(default_factory=dict)
-    """Of each key, by its dotted path."""
+    """Distribution of each key that varies, by the dotted path of the key."""
     count: Annotated[Integer, Field(ge=1, le=_MOST)] = COUNT
-    """How many cases; of a grid, how many values of each key that is no choice."""
+    """Count of cases. In a grid, count of values for each key; a choice has all of its values."""
     sampling: Sampling = "sobol"
-    """How they are spread over all keys at once."""
+    """Method that spreads the cases over all keys."""
     seed: Annotated[Integer, Field(ge=0)] = 0
-    """Of the draws."""
+    """Seed of the random numbers. The same seed gives the same cases."""
 
     @model_validator(mode="after")
     def _check_size(self) -> "Draws":
@@ -132,6 +135,7 @@ class Draws(Strict):
     def size(self) -> int:
         """Largest count of cases. There are fewer if some of a grid are equal."""
         if self.sampling == "grid" or not self.vary:
+            # The cases of a grid are only counted here: making them could fill the memory before the check of the size.
             return prod(len(distribution.grid(self.count)) for distribution in self.vary.values())
         return self.count
 
@@ -203,6 +207,7 @@ def seed_keys(content: Mapping[str, Any], above: str = "") -> list[str]:
     found = []
     for key, value in content.items():
         path = f"{above}{key}"
+        # The keys of changes are whole paths, such as sensors.imu.seed.
         if key.rpartition(".")[2] == "seed":
             found.append(path)
         elif isinstance(value, Mapping):

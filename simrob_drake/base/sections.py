@@ -74,8 +74,10 @@ _LONGEST_PART = 100
 def is_file_name(name: str) -> bool:
     """Whether a file or a folder could have this name on the usual systems."""
     has_separator = "/" in name or "\\" in name
-    is_dots_only = not name.strip(". ")  # also an empty name
+    # An empty name, or one such as "..", which would lead to the folder above. Windows drops spaces at the end.
+    is_dots_only = not name.strip(". ")
     is_plain = name.isprintable() and not has_separator and not is_dots_only
+    # File systems count bytes: a letter with an accent has two in UTF-8.
     return is_plain and len(name.encode()) <= _LONGEST_NAME
 
 
@@ -85,7 +87,7 @@ def _check_file_name(name: str) -> str:
         raise ValueError(
             message(
                 "base.no_folder_name",
-                "must be a name that a folder could have: no /, not . or .., at most 200 letters",
+                "must be a valid folder name: without /, not . or .., at most 200 characters",
             )
         )
     return name
@@ -97,16 +99,17 @@ def check_plain(name: str) -> None:
     Raises:
         ValueError: the name has other characters than letters, digits and underscores, or too many.
     """
+    # Dots and colons separate the parts of the names of columns and ports.
     if not name.isidentifier() or len(name) > _LONGEST_PART:
         rule = message(
             "base.rule_of_plain_names",
-            "at most {most} letters, digits and _, no digit first",
+            "at most {most} letters, digits and _, not beginning with a digit",
             most=_LONGEST_PART,
         )
         raise ValueError(
             message(
                 "base.no_plain_name",
-                "'{name}' is no plain name ({rule})",
+                "'{name}' is not a valid name ({rule})",
                 name=shortened(name),
                 rule=rule,
             )
@@ -115,6 +118,7 @@ def check_plain(name: str) -> None:
 
 def plain_name(text: str) -> str:
     """Make a name that :func:`check_plain` accepts. Other characters, as in ``robot0:finger``, become underscores."""
+    # A name that begins with a digit, or is empty, gets an underscore in front.
     name = re.sub(r"\W", "_", text)[:_LONGEST_PART]
     return name if name.isidentifier() else f"_{name}"[:_LONGEST_PART]
 
@@ -136,9 +140,8 @@ _UNION_BRANCH = re.compile(
 class _CheckedModel(ModelMetaclass):
     """Metaclass of sections. Sections that a Python program makes have the same errors as those of a file."""
 
-    if (
-        not TYPE_CHECKING
-    ):  # type checkers take the keywords of a class from its fields, which this would hide
+    # Type checkers take the keywords of a class from its fields. This method would hide the fields from them.
+    if not TYPE_CHECKING:
 
         def __call__(cls, /, *positional: Any, **content: Any) -> Any:  # noqa: N805  # the first argument is a class
             """Make a section. Raises InvalidConfig if a keyword or a value is wrong."""
@@ -153,6 +156,7 @@ class _CheckedModel(ModelMetaclass):
 class Strict(BaseModel, metaclass=_CheckedModel):
     """Base class of sections: unknown keys are errors, and a section cannot be changed."""
 
+    # The checks of a class are built when they are first used: a command needs few of the classes it imports.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
     of_any_size: ClassVar[bool] = False
     """Whether numbers may have any size, as computed and measured ones."""
@@ -203,7 +207,8 @@ def default_of(model: type[Model], **values: Any) -> Model:
 def field_texts(model: type[Strict]) -> dict[str, str]:
     """Docstrings below the fields of a class of sections and of its base classes, by the name of the field."""
     texts: dict[str, str] = {}
-    for kind in reversed(model.__mro__):  # a class replaces the docstrings of its base classes
+    # Base classes come first, so that a class replaces their docstrings.
+    for kind in reversed(model.__mro__):
         if kind is not Strict:
             texts |= _texts_of(kind)
     return texts
@@ -220,11 +225,14 @@ def _texts_of(kind: type[Any]) -> Mapping[str, str]:
         return {}
     try:
         source = inspect.getsource(kind)
-    except OSError:  # the class was made by a function call
+    # The class was made by a function call, and has no source of its own.
+    except OSError:
         return {}
+    # The source of a class inside of a function is indented, which Python's parser would refuse.
     module = ast.parse(textwrap.dedent(source))
     statements = next(node.body for node in module.body if isinstance(node, ast.ClassDef))
     texts = {}
+    # Python itself drops these docstrings: they are statements of a single text, after the statement of a field.
     for statement, following in pairwise(statements):
         match statement, following:
             case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(
@@ -245,6 +253,7 @@ class Renamed(Strict):
     def _check_former_keys(cls, content: Any) -> Any:
         """Check that a content has no former key, and return it. Raises ValueError if it has one."""
         for key, now in cls.renamed.items():
+            # The content may also be a section that Python code has made, which has no former keys.
             if isinstance(content, dict) and key in content:
                 raise ValueError(message("base.key_is_now", "{key} is now {now}", key=key, now=now))
         return content
@@ -288,10 +297,11 @@ def _check_sizes(content: object, where: Path | str) -> None:
     while remaining:
         value, key, depth = remaining.pop()
         if isinstance(value, int | float):
+            # A number of such a size is most likely a typing error in its exponent. Quotients could become infinite.
             if value and not _SMALLEST <= abs(value) <= _LARGEST and abs(value) < inf:
                 bounds = message(
                     "base.zero_or_range",
-                    "zero or {smallest:g} to {largest:g} in size",
+                    "zero, or {smallest:g} to {largest:g} in magnitude",
                     smallest=_SMALLEST,
                     largest=_LARGEST,
                 )
@@ -300,17 +310,19 @@ def _check_sizes(content: object, where: Path | str) -> None:
                     key,
                     message(
                         "base.number_out_of_range",
-                        "a figure is {bounds} (it is {value})",
+                        "must be {bounds} (it is {value})",
                         bounds=bounds,
                         value=quoted(value),
                     ),
                 )
+        # Pydantic reports a mapping that contains itself; this loop must not run for ever before.
         elif depth >= _DEEPEST:
             continue
         elif isinstance(value, Mapping):
             prefix = f"{key}." if key else ""
             entries = [(entry, f"{prefix}{name}", depth + 1) for name, entry in value.items()]
-            remaining += reversed(entries)  # the last entry of the stack is checked next
+            # The last entry of the stack is checked next, so the order is reversed.
+            remaining += reversed(entries)
         elif isinstance(value, list | tuple):
             entries = [(entry, f"{key}[{index}]", depth + 1) for index, entry in enumerate(value)]
             remaining += reversed(entries)
@@ -354,11 +366,13 @@ def _first_finding(
         where: name of the file.
     """
     findings = problem.errors()
+    # A misspelt key may give two findings: it is unknown, and the right key is missing. The first one explains both.
     unknown_keys = [finding for finding in findings if finding["type"] == "extra_forbidden"]
     deepest = max(findings, key=lambda finding: len(finding["loc"]))
     finding: Mapping[str, Any] = unknown_keys[0] if unknown_keys else deepest
     location = _walk(model, finding["loc"])
     key = ".".join(location.path)
+    # Pydantic reports the section, but it is the key `kind` in it that is missing or wrong.
     if finding["type"] in ("union_tag_not_found", "union_tag_invalid"):
         key = f"{key}.kind"
     return InvalidConfig(where, key, _text_of_finding(finding, location, key))
@@ -380,7 +394,8 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
         case "extra_forbidden":
             suggestion = nearest(location.path[-1], location.known)
             text = message("base.unknown_key", "unknown key{suggestion}", suggestion=suggestion)
-        case "missing" if isinstance(finding["loc"][-1], int):  # a list that is too short
+        # The location ends with an index: a list is too short.
+        case "missing" if isinstance(finding["loc"][-1], int):
             sizes = [node["maxItems"] for node in nodes if "maxItems" in node]
             text = message(
                 "base.needs_values",
@@ -389,12 +404,13 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
                 found=shortened(repr(found)),
             )
         case "missing":
-            text = message("base.key_needed", "this key is needed")
+            text = message("base.key_needed", "this key is required")
         case "union_tag_not_found":
+            # The key selects one of several sections, each with a `kind` of its own.
             kinds = [kind for kind in map(section_kind, nodes) if kind is not None]
             text = message(
                 "base.key_needed_known",
-                "this key is needed; known: {kinds}",
+                "this key is required; known: {kinds}",
                 kinds=", ".join(kinds),
             )
         case "union_tag_invalid":
@@ -410,7 +426,8 @@ def _text_of_finding(finding: Mapping[str, Any], location: "_Location", key: str
             )
         case _:
             text = value_problem(finding)
-            if key:  # otherwise the value is the whole file, which would be too long to show
+            # Without a key, the value is the whole file, which would be too long to show.
+            if key:
                 text = message(
                     "base.problem_of_value",
                     "{problem} (it is {value})",
@@ -426,10 +443,13 @@ def _section_in_words(nodes: list[dict[str, Any]]) -> str:
     Args:
         nodes: nodes of the JSON Schema that describe the section.
     """
+    # Alternatives of a union share keys: each key is listed once, in the order of the first alternative that has it.
     keys = dict.fromkeys(key for node in nodes for key in node.get("properties", {}))
     if not keys:
-        return message("base.section_of_names", "a section of names and their entries")
-    return message("base.section_with_keys", "a section with keys of: {keys}", keys=", ".join(keys))
+        return message("base.section_of_names", "a section of names with their entries")
+    return message(
+        "base.section_with_keys", "a section with keys among: {keys}", keys=", ".join(keys)
+    )
 
 
 def _no_such(name: str, expected: str) -> str:
@@ -476,9 +496,11 @@ def _walk(model: type[BaseModel], location: tuple[int | str, ...]) -> _Location:
     path: list[str] = []
     known: set[str] = set()
     for depth, part in enumerate(location):
+        # Only a union has alternatives. A key "Uniform" of the user's must not be taken for the name of a class.
         alternatives = nodes if len(nodes) > 1 else []
         tagged = [node for node in alternatives if part in (section_kind(node), node.get("title"))]
-        if tagged or _UNION_BRANCH.match(str(part)):  # the name of an alternative
+        # The part is the name of an alternative.
+        if tagged or _UNION_BRANCH.match(str(part)):
             nodes = tagged or nodes
         elif isinstance(part, int):
             entries = _entries_of_lists(nodes, schema)
@@ -528,6 +550,7 @@ def schema_branches(node: dict[str, Any], schema: dict[str, Any]) -> list[dict[s
         schema: the whole JSON Schema.
     """
     reference = node.get("$ref", "")
+    # A reference within the schema is written as "#/$defs/NAME".
     if reference.startswith("#"):
         name = reference.rsplit("/", 1)[-1]
         return schema_branches(schema["$defs"][name], schema)
@@ -571,7 +594,7 @@ def _check_metres(place: Any) -> Any:
         raise ValueError(
             message(
                 "base.too_far",
-                "{most:g} m is too far; were these millimetres? lengths are in metres",
+                "{most:g} m is too far; lengths are in metres, and this may be in millimetres",
                 most=most,
             )
         )
@@ -597,7 +620,7 @@ def _check_time(time: float) -> float:
         raise ValueError(
             message(
                 "base.no_time",
-                "a time is of {shortest:g} to {longest:g} s",
+                "a time must be between {shortest:g} and {longest:g} s",
                 shortest=SHORTEST,
                 longest=LONGEST,
             )
@@ -621,18 +644,21 @@ def _check_inertia(inertia: tuple[float, ...]) -> tuple[float, ...]:
     # Imported here, since Drake takes long to load, and most commands read no inertia.
     from pydrake.multibody.tree import RotationalInertia
 
+    # Drake's class takes three moments or six numbers, and would report another count as a TypeError.
     if len(inertia) not in (3, 6):
         raise ValueError(
             message(
                 "base.inertia_of_three_or_six",
-                "an inertia is three moments Ixx Iyy Izz, or six numbers: with the products Ixy Ixz Iyz",
+                "an inertia has three moments Ixx Iyy Izz, or six numbers with the products Ixy Ixz Iyz",
             )
         )
+    # All mass is positive, from which the triangle inequality of the principal moments follows.
     if not RotationalInertia(*inertia).CouldBePhysicallyValid():
         raise ValueError(
             message(
                 "base.impossible_inertia",
-                "no body has these moments of inertia: none is negative, none exceeds the sum of the others",
+                "no body can have these moments of inertia: one is negative, or larger than "
+                "the sum of the other two",
             )
         )
     return inertia

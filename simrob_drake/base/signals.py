@@ -42,14 +42,16 @@ QUANTITY_WORDS: dict[str, str] = {
 }
 """Words for quantities in plots, by the name of the quantity in ports and columns."""
 
-# Of poses and spatial velocities: names of the components, their units, and the quantity of the first three in a plot.
+# Names of the components, their units, and the quantity of the first three components, which is what a plot shows.
 POSE = (XYZ_QUATERNION_NAMES, ("m",) * 3 + ("1",) * 4, QUANTITY_WORDS["position"])
+"""Names, units and quantity of a pose."""
+
 VELOCITY = (VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, QUANTITY_WORDS["velocity"])
 
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel of a figure: one plot with one or more curves.
+    """One plot of a figure, with one or more curves.
 
     Attributes:
         figure: name of the file of the figure, without suffix, such as ``sensors`` or ``piece_ball``.
@@ -130,7 +132,7 @@ class Signal:
 def sensor_panel(
     title: str, quantity: str, names: Sequence[str], units: Sequence[str] = ()
 ) -> Panel:
-    """Make the panel of a sensor's columns in the figure ``sensors``.
+    """Make the panel of a sensor's columns. All sensors share the figure ``sensors``.
 
     Args:
         title: title of the panel.
@@ -138,6 +140,7 @@ def sensor_panel(
         names: names of the columns.
         units: not used, since the signal has the units of its columns. Callers of before give them.
     """
+    # A sensor of an extension may measure a quantity that has no word here.
     label = QUANTITY_WORDS.get(quantity, quantity)
     return Panel("sensors", message("base.sensors", "sensors"), title, label, tuple(names))
 
@@ -151,6 +154,7 @@ def applied_signal(output: str, unit: str, title: str, *, part: str = "") -> Sig
         title: title of the panel.
         part: name of the part that applies it.
     """
+    # The port has three values without names of their own.
     names = tuple(f"{output}.{axis}" for axis in "xyz")
     label = QUANTITY_WORDS["force" if unit == "N" else "torque"]
     panel = Panel("sensors", message("base.applied_forces", "applied forces"), title, label, names)

@@ -19,6 +19,8 @@ _A_LIST = message("base.must_be_a_list", "must be a list")
 _TRUE_OR_FALSE = message("base.must_be_true_or_false", "must be true or false")
 _A_PATH = message("base.must_be_a_path", "must be a path")
 
+# Several problems have the same remedy, and so the same message: whether a text is no number, or a list is none, does
+# not matter to the user.
 _PLAIN_PROBLEMS: dict[str, Message] = {
     "float_type": _A_NUMBER,
     "float_parsing": _A_NUMBER,
@@ -26,6 +28,7 @@ _PLAIN_PROBLEMS: dict[str, Message] = {
     "int_type": _AN_INTEGER,
     "int_parsing": _AN_INTEGER,
     "int_from_float": _AN_INTEGER,
+    # Python's integers have any size, pydantic's parser of texts does not.
     "int_parsing_size": message(
         "base.must_be_a_shorter_integer", "must be an integer with fewer digits"
     ),
@@ -41,7 +44,7 @@ _PLAIN_PROBLEMS: dict[str, Message] = {
     "none_required": message("base.must_be_null", "must be null"),
     "path_type": _A_PATH,
     "path_format": _A_PATH,
-    "missing": message("base.key_needed", "this key is needed"),
+    "missing": message("base.key_needed", "this key is required"),
     "dict_type": message("base.must_be_a_mapping", "must be a mapping of keys to values"),
     "mapping_type": message("base.must_be_a_mapping", "must be a mapping of keys to values"),
     "invalid_key": message("base.keys_must_be_texts", "its keys must be texts"),
@@ -117,6 +120,7 @@ def _other_pattern(context: Context) -> Message:
 
 def _no_choice(context: Context) -> Message:
     """Message for a value that is none of the allowed ones, which pydantic lists in quotes: ``'a', 'b' or 'c'``."""
+    # The names are joined without a word, so that the message needs no translation of "or".
     choices = str(context["expected"]).replace(" or ", ", ")
     return message("base.must_be_one_of", "must be one of {choices}", choices=choices)
 
@@ -155,6 +159,8 @@ def value_problem(finding: Mapping[str, Any]) -> str:
     """
     context: Context = finding.get("ctx", {})
     raised = context.get("error")
+    # A validator of this package raises a ValueError with a Message, which pydantic keeps in the context. Its own text
+    # of that error has lost the id of the message.
     if isinstance(raised, ValueError):
         own = message_of(raised)
         if isinstance(own, Message):
@@ -164,5 +170,6 @@ def value_problem(finding: Mapping[str, Any]) -> str:
         return _PLAIN_PROBLEMS[kind]
     if kind in _PROBLEMS_WITH_CONTEXT:
         return _PROBLEMS_WITH_CONTEXT[kind](context)
+    # A type of a newer pydantic, or an error of a user's class. The text follows a colon, so it has no capital letter.
     text = str(finding["msg"]).removeprefix("Value error, ")
     return f"{text[:1].lower()}{text[1:]}"

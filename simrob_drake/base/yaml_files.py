@@ -55,14 +55,11 @@ class _Loader(yaml.CSafeLoader):
             if is_number and len(node.value) > _LONGEST_NUMBER:
                 raise ValueError(message("base.too_long", "too long"))
             return super().construct_object(node, deep)
-        except (
-            ValueError,
-            LookupError,
-            AttributeError,
-        ) as problem:  # such as for !!bool maybe, or 2001-99-99
+        # PyYAML converts values without a check: "!!bool maybe" raises a KeyError, 2001-99-99 a ValueError.
+        except (ValueError, LookupError, AttributeError) as problem:
             found = message(
                 "base.no_such_type",
-                "'{text}' is no {kind}",
+                "'{text}' is not a valid {kind}",
                 text=shortened(str(node.value)),
                 kind=node.tag.rpartition(":")[2],
             )
@@ -73,10 +70,11 @@ class _Loader(yaml.CSafeLoader):
     def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
         """Make the text of a node. A character that no text has is an error."""
         text = super().construct_scalar(node)
+        # Such a text would fail only later, as the name of a file or in a table.
         if "\0" in text or _SURROGATE.search(text):
             found = message(
                 "base.odd_character",
-                "{text} holds a character that is in no text",
+                "{text} contains a character that is not allowed in text",
                 text=shortened(ascii(text)),
             )
             raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
@@ -84,9 +82,12 @@ class _Loader(yaml.CSafeLoader):
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
         """Make the dict of a node. A key that occurs twice is an error: PyYAML would drop the first value."""
+        # The nodes of the keys are counted: in the dict, equal keys are one.
         for key, count in Counter(str(key.value) for key, _ in node.value).items():
             if count > 1:
-                found = message("base.key_twice", "'{key}' stands twice", key=shortened(key))
+                found = message(
+                    "base.key_twice", "the key '{key}' occurs twice", key=shortened(key)
+                )
                 raise yaml.constructor.ConstructorError(problem=found, problem_mark=node.start_mark)
         return super().construct_mapping(node, deep)
 
@@ -95,6 +96,7 @@ class _Loader(yaml.CSafeLoader):
 _Loader.add_implicit_resolver(
     "tag:yaml.org,2002:float",
     re.compile(r"^[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$"),
+    # PyYAML tries the expression only for texts that begin with one of these characters.
     list("-+.0123456789"),
 )
 
@@ -114,7 +116,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     content = parse_yaml(text, path)
     if not isinstance(content, dict):
         raise InvalidConfig(
-            path, "", message("base.no_mapping", "must hold a mapping of keys to values")
+            path, "", message("base.no_mapping", "must contain a mapping of keys to values")
         )
     return content
 
@@ -136,6 +138,7 @@ def keys_of_lists(path: Path, keys: Collection[str]) -> list[str]:
         # A text without the word needs no parsing, which is the case for almost all files.
         if not any(f"{key}:" in text for key in keys):
             return []
+        # Nodes keep lists below unknown tags, which the construction of values would refuse.
         root = composed_yaml(text)
     except (NotRead, yaml.YAMLError, ValueError):
         return []
@@ -179,8 +182,8 @@ def parse_yaml(text: str, where: Path | str) -> Any:
         why: str = message(
             "base.not_yaml", "is not YAML: {problem}", problem=_yaml_problem(problem)
         )
+        # An unknown tag is such an error. The user may have given a file of a Drake scene, which has tags.
         if isinstance(problem, yaml.constructor.ConstructorError):
-            # An unknown tag: files of Drake's scenes have some.
             why = _tag_problem(text) or why
         raise InvalidConfig(where, "", why) from None
 
@@ -198,6 +201,7 @@ def parse_json(text: str, where: Path | str) -> Any:
     try:
         return json.loads(
             text,
+            # Python's parser would make an infinity of 1e999, and accept NaN, Infinity and repeated keys.
             parse_int=_finite_int,
             parse_float=_finite,
             parse_constant=_finite,
@@ -219,13 +223,14 @@ def _finite(text: str) -> float:
     number = float(text)
     if not isfinite(number):
         raise ValueError(
-            message("base.no_finite_number", "{text} is no finite number", text=shortened(text))
+            message("base.no_finite_number", "{text} is not a finite number", text=shortened(text))
         )
     return number
 
 
 def _finite_int(text: str) -> int:
     """Read an integer. Raises ValueError if it is too large for a float."""
+    # An integer beyond 1e308 becomes infinite in any computation with floats.
     _finite(text)
     return int(text)
 
@@ -233,11 +238,12 @@ def _finite_int(text: str) -> int:
 def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Make a dict of keys and values. Raises ValueError if a key occurs twice."""
     found = dict(pairs)
+    # The dict has fewer entries than the text if a key occurs twice.
     if len(found) < len(pairs):
         raise ValueError(
             message(
                 "base.key_twice_among",
-                "a key stands twice among {keys}",
+                "a key occurs twice among {keys}",
                 keys=shortened(", ".join(key for key, _ in pairs)),
             )
         )
@@ -251,11 +257,13 @@ def _tag_problem(text: str) -> str:
     if tag is None:
         return ""
     handle, suffix = tag.value
-    if handle != "!":  # "!!" is the handle of YAML's own tags
+    # "!!" is the handle of YAML's own tags.
+    if handle != "!":
         return ""
     return message(
         "base.has_tag",
-        "has the tag {tag} (line {line}), which only scenes of Drake have; these have a list under the key directives",
+        "has the tag {tag} (line {line}), which only Drake scenes have; a Drake scene has a "
+        "list under the key directives",
         tag=f"!{suffix}",
         line=tag.start_mark.line + 1,
     )
@@ -270,6 +278,7 @@ def _yaml_problem(problem: Exception) -> str:
     if not isinstance(problem, yaml.MarkedYAMLError):
         # PyYAML's own name of a text that comes from no file is left out.
         return " ".join(str(problem).replace('in "<unicode string>", ', "at ").split())
+    # The problem is where the parser stopped; the context is where the broken mapping or list began.
     mark = problem.problem_mark or problem.context_mark
     text = ", ".join(part for part in (problem.context, problem.problem) if part)
     if not mark:
@@ -287,7 +296,8 @@ def _yaml_problem(problem: Exception) -> str:
 def _load_yaml(text: str) -> Any:
     """Load the value of a text. It is kept, since the same files are read again whenever a station is built."""
     _check_growth(text)
-    return yaml.load(text, Loader=_Loader)  # a subclass of SafeLoader: it makes plain data only
+    # The loader is a subclass of SafeLoader: it makes plain data only, and never calls code that a file names.
+    return yaml.load(text, Loader=_Loader)
 
 
 class _OpenCollection(NamedTuple):
@@ -310,9 +320,11 @@ def _check_growth(text: str) -> None:
     Raises:
         MarkedYAMLError: it has too many.
     """
-    sizes: dict[str | None, int] = {}  # count of values by anchor
+    # Count of the values of each anchor. Nested aliases multiply it: ten levels of ten aliases are 10^10 values.
+    sizes: dict[str | None, int] = {}
     open_collections: list[_OpenCollection] = []
-    count = 0  # of the values so far
+    # Count of the values so far.
+    count = 0
     for event in yaml.parse(text, Loader=yaml.CSafeLoader):
         if isinstance(event, yaml.CollectionEndEvent):
             ended = open_collections.pop()
@@ -327,10 +339,11 @@ def _check_growth(text: str) -> None:
                 open_collections.append(_OpenCollection(event.anchor, count - 1))
             elif event.anchor:
                 sizes[event.anchor] = 1
+        # Python's and pydantic's functions call themselves for each level, and would exceed the depth of calls.
         is_too_deep = len(open_collections) > _DEEPEST
         if count > _MOST_VALUES or is_too_deep:
             limit = message(
-                "base.values_with_aliases", "{most} values, aliases counted", most=_MOST_VALUES
+                "base.values_with_aliases", "{most} values, counting aliases", most=_MOST_VALUES
             )
             if is_too_deep:
                 limit = message("base.levels", "{levels} levels", levels=_DEEPEST)
@@ -363,7 +376,7 @@ def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]
                 whole,
                 message(
                     "base.no_such_entry",
-                    "has no place '{part}'; those there are 0 to {last}",
+                    "has no entry '{part}'; the entries are 0 to {last}",
                     part=part,
                     last=len(node) - 1,
                 ),
@@ -379,9 +392,11 @@ def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]
                     part=part,
                 ),
             )
+        # The value of the last part is what the caller sets.
         if depth == len(key) - 1:
             break
         inner = node[int(part)] if isinstance(node, list) else node.get(part)
+        # A file with "servo:" and nothing below has the value null, which becomes a section, too.
         if inner is None and isinstance(node, dict):
             inner = node[part] = {}
         node = inner

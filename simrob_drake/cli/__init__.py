@@ -1,11 +1,16 @@
 """The command line: ``simrob list | run | walk | act | check | linearize | diagram | import | view | station | teach``.
 
-Exit codes: 0 done, a monitor's stop included; 2 bad input, with one line on the error stream that says what, where and
-what would be right; 3 the simulation diverged, with the partial result saved; 4 an import lost mechanics,
-with ``--strict`` a result has warnings, or an answer misses a point; 130 the user interrupted it. What was simulated
-until then is saved; what was being written is finished, unless the user interrupts again.
+A command ends with one of these exit codes:
 
-Whatever else fails is told in one line, too, with exit code 2; ``SIMROB_DEBUG=1`` shows its traceback before that.
+* 0: the command is done. A run that a monitor stopped counts as done.
+* 2: the input is wrong. One line on the error stream says what, where and what would be right.
+* 3: the simulation diverged, or a block failed. The result up to this time is saved.
+* 4: an import has lost parts of the file; a result has warnings, with ``--strict``; or a course answer is wrong.
+* 130: the user interrupted the command. The result up to this time is saved. Files that are being written are
+  finished, unless the user interrupts once more.
+
+An unexpected error is reported in one line, too, with the exit code 2. With ``SIMROB_DEBUG=1`` its traceback is shown
+before this line.
 """
 
 from enum import IntEnum
@@ -18,7 +23,9 @@ class ExitCode(IntEnum):
     """
 
     DONE = 0
+    # Python itself ends with 1 after an error, and shells and typer use 2 for a wrong call.
     BAD_INPUT = 2
     DIVERGED = 3
     BEYOND = 4
+    # Shells report a program that a signal ended as 128 plus the number of the signal, and SIGINT is 2.
     INTERRUPTED = 130

@@ -1,4 +1,4 @@
-"""How the command line is started, and what becomes of what it does not handle itself."""
+"""Start of the command line, and the report of errors that no command handles."""
 
 import gc
 import io
@@ -12,36 +12,40 @@ from pathlib import Path
 from simrob_drake.base.messages import message
 from simrob_drake.cli import ExitCode
 
-DEBUG = "SIMROB_DEBUG"  # the environment variable that shows tracebacks
+DEBUG = "SIMROB_DEBUG"
+"""Environment variable that shows the tracebacks of unexpected errors, if it is not empty."""
 
 
 def main() -> None:
-    """Run the command line and leave with its exit code."""
-    # the matrices of a robot are small: more threads only wait for each other, and take a sixth of the CPU time
+    """Run the command line, and end the process with its exit code."""
+    # The matrices of a robot are small: more threads only wait for each other, and take a sixth of the CPU time.
     if not {"OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"} & os.environ.keys():
         os.environ["OPENBLAS_NUM_THREADS"] = "1"
-    for stream in ("stdout", "stderr"):  # None where the caller has closed them
-        setattr(sys, stream, getattr(sys, stream) or Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
-    if isinstance(
-        sys.stdout, io.TextIOWrapper
-    ):  # what its encoding lacks is escaped, as it is on stderr
+    # A stream is None if the caller has closed it. All output then goes to nowhere.
+    for stream in ("stdout", "stderr"):
+        if getattr(sys, stream) is None:
+            setattr(sys, stream, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115
+    # Characters that the encoding of the output lacks are written as escapes, as Python does on the error stream.
+    if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
-    # else the caller wants it ignored
-    interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    if interruptible:
+    # A caller that wants interrupts to be ignored, such as nohup, has set another handler.
+    is_interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    # While modules are imported, an interrupt could arrive as any error: this handler ends the process at once.
+    if is_interruptible:
         signal.signal(signal.SIGINT, _leave)
-    gc.disable()  # what is loaded stays: there is no rubbish to look for in it, now or later
+    # Imported modules stay until the end, so the garbage collector would search them in vain, now and later.
+    gc.disable()
     from simrob_drake.cli.app import load, run_command
 
-    load(sys.argv[1:])  # Drake, inside of which an interrupt may come as any error
+    load(sys.argv[1:])
     gc.freeze()
     gc.enable()
 
-    if interruptible:
+    if is_interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     code = run_guarded(run_command, sys.argv[1:])
     if code == ExitCode.INTERRUPTED:
-        # who presses it twice waits no longer than for the end
+        # A user who presses Ctrl-C several times must not see a traceback of the end of the process.
         signal.signal(signal.SIGINT, signal.SIG_IGN)
     sys.exit(code)
 
@@ -57,10 +61,8 @@ def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> in
     """
     try:
         return command(arguments)
-    except (
-        Exception,
-        SystemExit,
-    ) as problem:  # Drake's failed assertions come as SystemExit, with a text
+    except (Exception, SystemExit) as problem:
+        # A failed assertion of Drake arrives as a SystemExit with a text. Any other SystemExit is an exit code.
         if isinstance(problem, SystemExit) and not isinstance(problem.code, str):
             raise
         from simrob_drake.cli.screen import say_error
@@ -69,42 +71,50 @@ def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> in
             traceback.print_exception(problem)
         if isinstance(problem, ModuleNotFoundError) and problem.name:
             say_error(_missing_package(problem.name, arguments))
-            return ExitCode.BAD_INPUT
-        frames = traceback.extract_tb(problem.__traceback__)
-        package = Path(__file__).parents[1]
-        own = [frame for frame in frames if package in Path(frame.filename).parents]
-        where = message("cli.outside", "outside of simrob_drake")
-        if own:
-            file = Path(own[-1].filename).relative_to(package.parent)
-            where = message(
-                "cli.file_and_line", "{file}, line {line}", file=file, line=own[-1].lineno
-            )
-        name = message("cli.check_of_drake", "a check of Drake")
-        text = " ".join(str(problem).split())[:1000]
-        say_error(
-            message(
-                "cli.unexpected",
-                "unexpected: {name}: {text} ({where}); {variable}=1 shows the traceback",
-                name=name if isinstance(problem, SystemExit) else type(problem).__name__,
-                text=text or message("cli.without_message", "without a message"),
-                where=where,
-                variable=DEBUG,
-            )
-        )
+        else:
+            say_error(_unexpected_error(problem))
         return ExitCode.BAD_INPUT
+
+
+def _unexpected_error(problem: BaseException) -> str:
+    """Message about an error that no command handles: its class, its text, and the line of this package."""
+    name: str = type(problem).__name__
+    if isinstance(problem, SystemExit):
+        name = message("cli.check_of_drake", "a check of Drake")
+    text: str = " ".join(str(problem).split())[:1000]
+    frames = traceback.extract_tb(problem.__traceback__)
+    package = Path(__file__).parents[1]
+    own_frames = [frame for frame in frames if package in Path(frame.filename).parents]
+    where = message("cli.outside", "outside simrob_drake")
+    if own_frames:
+        # The innermost frame of this package, below which is only code of libraries.
+        innermost = own_frames[-1]
+        file = Path(innermost.filename).relative_to(package.parent)
+        where = message(
+            "cli.file_and_line", "{file}, line {line}", file=file, line=innermost.lineno
+        )
+    return message(
+        "cli.unexpected",
+        "unexpected error: {name}: {text} ({where}); {variable}=1 shows the traceback",
+        name=name,
+        text=text or message("cli.without_message", "without a message"),
+        where=where,
+        variable=DEBUG,
+    )
 
 
 def _missing_package(module: str, arguments: list[str]) -> str:
     """Write the message for a module that cannot be imported: what the command needs, and how to install it.
 
-    A module of this package can only lack in a damaged installation.
+    A module of this package is missing only in a damaged installation.
     """
     command = f"simrob {arguments[0]}" if arguments else "simrob"
     package = module.partition(".")[0]
     if package == "simrob_drake":
         return message(
             "cli.needs_module",
-            "{command} needs the module {module}, which this installation lacks: install simrob-drake again",
+            "{command} needs the module {module}, which is missing from this installation: "
+            "reinstall simrob-drake",
             command=command,
             module=module,
         )
@@ -117,6 +127,7 @@ def _missing_package(module: str, arguments: list[str]) -> str:
 
 
 def _leave(*_: object) -> None:
+    """Handle an interrupt while modules are imported: end the process without any further code."""
     print("simrob: interrupted", file=sys.stderr, flush=True)
     os._exit(ExitCode.INTERRUPTED)
 

@@ -135,6 +135,7 @@ class _Commands(_Group):
         Args:
             **options: options of typer's group.
         """
+        # Typer passes an empty mapping of commands, since none was added to the application.
         named = {name: _named_command(name, entry) for name, entry in core_commands().items()}
         super().__init__(**{**options, "commands": named})
 
@@ -188,7 +189,7 @@ class _Commands(_Group):
             raise SimrobError(
                 message(
                     "cli.command_may_be_left_out",
-                    "{problem}. Extensions that are left out: {names}; simrob extensions says why.",
+                    "{problem}. Extensions that are left out: {names}; simrob extensions lists the reasons.",
                     problem=problem,
                     names=", ".join(left_out),
                 )
@@ -321,12 +322,12 @@ def run_command(arguments: list[str]) -> int:
             code = app(arguments, prog_name="simrob", standalone_mode=False)
         # A broken pipe or a full disk may show only when the buffer is written. Here the error is still handled.
         sys.stdout.flush()
-    except (
-        BrokenPipeError
-    ):  # the reader of the output, such as `head`, has closed it: that is no error
+    # The reader of the output, such as `head`, has closed it: that is no error.
+    except BrokenPipeError:
         _discard_output()
         return ExitCode.DONE
-    except OSError as problem:  # an error of the system that no code expected, such as a full disk
+    # An error of the system that no code expected, such as a full disk.
+    except OSError as problem:
         _discard_output()
         say_error(_system_problem(problem))
         return ExitCode.BAD_INPUT
@@ -335,7 +336,8 @@ def run_command(arguments: list[str]) -> int:
         return ExitCode.BAD_INPUT
     except TyperException as problem:
         text = usage_problem(problem)
-        if text:  # empty if typer has shown a help instead
+        # The text is empty if typer has shown a help instead.
+        if text:
             say_error(text)
         return ExitCode.BAD_INPUT
     except Interrupted as interrupt:
@@ -389,7 +391,7 @@ def _check_surroundings(arguments: list[str]) -> None:
             raise InvalidParameter(
                 "argument",
                 ascii(argument),
-                message("cli.text_in_utf8", "text in UTF-8, names of files, too"),
+                message("cli.text_in_utf8", "text in UTF-8, including the names of files"),
             )
     try:
         os.getcwd()
@@ -397,7 +399,7 @@ def _check_surroundings(arguments: list[str]) -> None:
         raise InvalidParameter(
             message("cli.working_folder", "working folder"),
             "gone",
-            message("cli.existing_folder", "one that is there; change to another"),
+            message("cli.existing_folder", "an existing folder; change to another one"),
         ) from problem
 
 

@@ -61,6 +61,7 @@ def station_from(
     option_of_key = {key: f"--{key}" for key in values_of_options}
     changes = changes_of(settings, "--set", others=option_of_key)
     option_of_key |= {key: f"--set {key}" for key in changes}
+    # An importer may read a station from the file of another tool, which must not be refused as no station.
     if find_station_importer(station) is None:
         refuse_other(station)
     return load_station(
@@ -82,15 +83,17 @@ def changes_of(
         SimrobError: a text has another form, a key is changed twice, or a file cannot be read.
     """
     changes: dict[str, Any] = {}
+    # A copy: the mapping belongs to the caller.
     option_of_key = dict(others or {})
     for text in texts or []:
         for key, value in _changes(text, option):
+            # The last of two values would win without a word, and the user may have meant the first one.
             if key in option_of_key:
                 raise Unsuitable(
                     compound("{option} {one}", option=option, one=text),
                     message(
                         "cli.gives_key_already",
-                        "{option} gives this key already",
+                        "{option} already sets this key",
                         option=option_of_key[key],
                     ),
                     message("cli.leave_out_one", "leave out one of the two"),
@@ -107,6 +110,7 @@ def _changes(text: str, option: str) -> Iterator[KeyChange]:
         text: the value: ``key.path=value`` with a value in YAML, or a YAML file.
         option: name of the option, for errors.
     """
+    # A text that is neither a change nor the name of a YAML file is reported as a change without "=".
     if "=" in text or not is_yaml_name(text):
         for key, value in texts_by_key([text], option):
             yield KeyChange(
@@ -114,6 +118,7 @@ def _changes(text: str, option: str) -> Iterator[KeyChange]:
             )
         return
     file = Path(text).absolute()
+    # Paths in the file begin at its folder, not at that of the station.
     sections = with_absolute_paths(read_yaml(file), file.parent, Border(file))
     for name, section in sections.items():
         # The keys of a section are changed one by one: other keys of the section in the station stay.
@@ -135,6 +140,7 @@ def texts_by_key(texts: list[str] | None, option: str) -> Iterator[KeyText]:
         InvalidParameter: a value has another form.
     """
     for value in texts or []:
+        # Only the first equals sign separates: the text may have more of them, as in a formula.
         key, equals, text = value.partition("=")
         has_form = bool(key.strip()) and bool(equals)
         if not has_form:
@@ -156,6 +162,7 @@ def refuse(problem: str, /, **options: Any) -> None:
         Unsuitable: an option is given; the message names the first one.
     """
     for name, value in options.items():
+        # Every such option is None, false or empty by default.
         if value:
             raise Unsuitable(flag_of(name), problem)
 
@@ -170,5 +177,6 @@ def refuse_import(problem: str, options: ImportOptions | None) -> None:
     Raises:
         Unsuitable: an option is given; the message names the first one.
     """
+    # An option with its default value has no effect anywhere, so it counts as not given.
     chosen = options.model_dump(exclude_defaults=True) if options else {}
     refuse(problem, **chosen)

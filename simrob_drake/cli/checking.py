@@ -57,7 +57,7 @@ def check(
             "--all",
             help=message(
                 "cli.help_check_all",
-                "Show a row for each axis of a station, also if it is far from its torque limit.",
+                "Show a row for each axis of a station, even if it is far from its torque limit.",
             ),
         ),
     ] = False,
@@ -77,6 +77,7 @@ def check(
         request = importer_request(importer, "reading_class", importer_options, options, set_)
         examine_with(importer, Path(station), request)
         return
+    # The core reads all other arguments, so the options of importers have no effect on them.
     importer_options.refuse_all_but([])
     # The order of the tests matters: names of stations come last, because any text may be one.
     if is_program_file(station):
@@ -134,7 +135,9 @@ def _check_program_file(
         message("cli.program_without_code", "this is a program, which names no code"),
         allow_code=allow_code,
     )
+    # The station of the program may have changes, so --set is the one option with an effect here.
     program, config = program_from(file, settings)
+    # A wrong move is an error of `check_program`, so the table has this one row only.
     console.print(findings_table([check_program(program, config, file)]))
 
 
@@ -145,6 +148,7 @@ def _check_robot_file(file: str, options: ImportOptions | None) -> None:
         file: a file of another tool, such as a URDF, or a description of a robot in YAML.
         options: options of the import. None if none is given. A description is read without an import, so it has none.
     """
+    # The file of another tool is imported, a description in YAML was imported before.
     if is_robot_file(file):
         examine_file(Path(file), options)
         return

@@ -23,7 +23,8 @@ from simrob_drake.base.extension import (
 from simrob_drake.base.messages import Message, message
 from simrob_drake.cli.help import command_message
 
-_PACKAGE = "cli"  # first word of the ids of messages about the core's commands
+_PACKAGE = "cli"
+"""First word of the ids of messages about the core's commands."""
 
 _LAST_TITLE = message("cli.title_extensions", "Extensions")
 _STATIONS = message("cli.title_stations", "Stations")
@@ -157,9 +158,8 @@ def _extension_commands() -> dict[str, CommandEntry]:
         for installed in installed_extensions()
         if installed.extension
     }
-    docstrings_of_modules = dict[
-        str, Mapping[str, str] | None
-    ]()  # a module may have several commands
+    # Docstrings of each module, which is read once although it may have several commands.
+    docstrings_of_modules = dict[str, Mapping[str, str] | None]()
     entries = {}
     for name, addition in additions("commands").items():
         if " " in name:
@@ -196,6 +196,7 @@ def _help_of_addition(
             package=addition.package,
         )
     _, _, function = addition.target.partition(":")
+    # The function is written in the module itself, which is the usual case.
     if function in docstrings:
         return command_message(name, docstrings[function], addition.extension)
     # A function that the module itself imports has no docstring in the source of the module.
@@ -243,9 +244,11 @@ def _command_table(tree: ast.Module) -> dict[str, str]:
         ValueError: the table contains the entries of another one (``**OTHER``), which the source does not name.
     """
     for node in tree.body:
-        if isinstance(node, ast.AnnAssign):  # COMMANDS: dict[...] = {...}
+        # COMMANDS: dict[...] = {...}
+        if isinstance(node, ast.AnnAssign):
             targets: list[ast.expr] = [node.target]
-        elif isinstance(node, ast.Assign):  # COMMANDS = {...}, or A = COMMANDS = {...}
+        # COMMANDS = {...}, or A = COMMANDS = {...}
+        elif isinstance(node, ast.Assign):
             targets = node.targets
         else:
             continue
@@ -263,7 +266,8 @@ def _functions_by_command(table: ast.Dict) -> dict[str, str]:
     """
     functions = dict[str, str]()
     for key, function in zip(table.keys, table.values, strict=True):
-        if key is None:  # the parser's form of an entry **OTHER
+        # The parser gives an entry **OTHER without a key.
+        if key is None:
             raise ValueError(
                 "COMMANDS contains **; each command must be written in the table itself"
             )

@@ -37,6 +37,7 @@ from simrob_drake.programs.exporter import (
 )
 from simrob_drake.programs.program_files import is_program_file
 
+# The formats are options of the command, so they are needed when this module is imported.
 _FORMATS = all_exporters()
 """Exporters by the name of their format, or the reason why one cannot be used."""
 
@@ -87,7 +88,8 @@ def export(
         typer.Argument(
             metavar="STATION|PROGRAM",
             help=message(
-                "cli.help_export_station", "A name from `simrob list`, or the YAML file of either."
+                "cli.help_export_station",
+                "A name from `simrob list`, or the YAML file of a station or a program.",
             ),
         ),
     ],
@@ -109,9 +111,10 @@ def export(
 
         simrob export program.yaml --rapid Module.mod
     """
+    # The fields of the dataclass are the formats, and None is the value of an option that is not given.
     targets = {name: file for name, file in vars(files).items() if file is not None}
     if not targets:
-        raise _wrong_formats(message("cli.asked_for_nothing", "asked for nothing"))
+        raise _wrong_formats(message("cli.asked_for_nothing", "called without a format"))
     # For a format that cannot be used, this raises the error that says why.
     exporters = {name: load_exporter(name) for name in targets}
     program_exporters = {
@@ -122,11 +125,15 @@ def export(
     }
     # The argument is either a station or a program, so one of the formats could not be written.
     if program_exporters and station_exporters:
-        raise _wrong_formats(message("cli.asked_for_both", "asked for a station and a program"))
+        raise _wrong_formats(
+            message("cli.asked_for_both", "called with formats of stations and formats of programs")
+        )
     for name, exporter in exporters.items():
-        if exporter.suffix:  # empty for a format whose files have any suffix
+        # The suffix is empty for a format whose files have any suffix.
+        if exporter.suffix:
             check_ending(targets[name], [exporter.suffix], flag_of(name))
     _check_targets_differ(targets)
+    # An option of a format that was not asked for would have no effect.
     options.refuse_all_but([exporter.options_class for exporter in exporters.values()])
     if program_exporters:
         _export_program(station, set_, targets, program_exporters, options, force=force)
@@ -143,7 +150,7 @@ def _wrong_formats(problem: Message) -> InvalidParameter:
     return InvalidParameter(
         message("cli.simrob_export", "simrob export"),
         problem,
-        message("cli.given_formats", "given {formats}", formats=_known_formats()),
+        message("cli.given_formats", "called with {formats}", formats=_known_formats()),
     )
 
 
@@ -156,7 +163,8 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
     Raises:
         InvalidParameter: two formats have the same file.
     """
-    format_of_file = dict[Path, str]()  # by absolute path: a file has several relative ones
+    # Absolute paths are compared, since a file has several relative ones.
+    format_of_file = dict[Path, str]()
     for name, file in targets.items():
         # `setdefault` returns the format of an earlier entry, if there is one with this file.
         first = format_of_file.setdefault(file.resolve(), name)
@@ -166,7 +174,7 @@ def _check_targets_differ(targets: Mapping[str, Path]) -> None:
                 str(file),
                 message(
                     "cli.other_file_than",
-                    "another file than that of {option}",
+                    "a different file from that of {option}",
                     option=flag_of(first),
                 ),
             )
@@ -225,10 +233,12 @@ def _known_formats() -> str:
         if isinstance(exporter, ProgramExporter)
     ]
     separator = message("cli.or", " or ")
+    # A user may combine formats of one of the two lists only, so the lists are separated by a comma.
     lists = [join_texts(flags, separator) for flags in (station_flags, program_flags) if flags]
     if not lists:
         return message(
-            "cli.format_of_extension", "a format of an installed extension, and none adds one"
+            "cli.format_of_extension",
+            "a format of an extension, but no installed extension has one",
         )
     return join_texts(lists, message("cli.or_format", ", or "))
 
@@ -258,12 +268,16 @@ def _export_program(
     if not is_program_file(source):
         formats = join_texts([flag_of(name) for name in exporters], message("base.and", " and "))
         problem = message(
-            "cli.no_program", "is no program: {formats} write the moves of one", formats=formats
+            "cli.no_program",
+            "is not a program; only programs can be exported with {formats}",
+            formats=formats,
         )
         raise InvalidConfig(source, "", problem)
     program, config = program_from(source, settings)
-    texts = dict[Path, str]()  # text of each file; a format may have several files
-    remarks = dict[str, None]()  # a set that keeps the order. Two formats may have the same remark
+    # Text of each file. A format may have several files.
+    texts = dict[Path, str]()
+    # A set that keeps the order: two formats may have the same remark.
+    remarks = dict[str, None]()
     for name, exporter in exporters.items():
         own_options = options.of(exporter.options_class)
         with code_of_extension(

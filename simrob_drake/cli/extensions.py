@@ -82,7 +82,8 @@ def extensions(
         typer.Option(
             "--check",
             help=message(
-                "cli.help_extensions_check", "Import everything that they add, and report failures."
+                "cli.help_extensions_check",
+                "Import everything that the extensions add, and report failures.",
             ),
         ),
     ] = False,
@@ -113,6 +114,7 @@ def schema() -> None:
     from simrob_drake.stations.schema import station_schema
 
     # Not through the console, which would break long lines.
+    # The output is the input of an editor or of another tool.
     print(json.dumps(station_schema(), indent=1))
 
 
@@ -161,7 +163,7 @@ def _shadowed_names(extension: Extension) -> list[str]:
         for name in sorted(core_names(point) & set(names)):
             problem = message(
                 "cli.name_of_core",
-                "the {described} {name} is one of simrob-drake already; choose another name",
+                "the {described} {name} already exists in simrob-drake; choose another name",
                 described=described,
                 name=repr(name),
             )
@@ -185,7 +187,7 @@ def _hidden_models(entry: InstalledExtension) -> list[str]:
             for model in hidden_models(point, folder):
                 problem = message(
                     "cli.hidden_model",
-                    "{model} of its {point} is hidden by another one of this name",
+                    "{model} of its {point} cannot be used: another one has this name",
                     model=repr(model),
                     point=_TITLES_OF_POINTS[point],
                 )
@@ -198,7 +200,8 @@ def _row(entry: InstalledExtension, problems: list[str]) -> tuple[str, str, str,
     lines = [] if entry.extension is None else _added_lines(entry.extension)
     added = Text("\n".join(lines))
     for problem in problems:
-        if added:  # an extension that is left out adds nothing, so its problem is the first line
+        # An extension that is left out adds nothing, so its problem is the first line.
+        if added:
             added.append("\n")
         if entry.extension is None:
             sentence = message("cli.extension_left_out", "left out: {problem}", problem=problem)

@@ -73,6 +73,7 @@ def command_message(name: str, docstring: str, package: str) -> Message:
             sentences.append(paragraph)
     # The message has no fields, so braces of the docstring are text.
     template = "\n\n".join(sentences).replace("{", "{{").replace("}", "}}")
+    # Ids have no spaces, and the name of a command below another one has.
     identifier = f"{package}.command_{name.replace(' ', '_')}"
     text = Message(identifier, template, {})
     if not examples:

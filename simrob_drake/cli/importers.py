@@ -96,7 +96,9 @@ def importer_request(
     Raises:
         Unsuitable: an option is given that the importer does not take.
     """
-    no_effect = message("cli.no_effect_on", "it has no effect on {title}", title=importer.title)
+    no_effect = message(
+        "cli.no_effect_on", "the option has no effect on {title}", title=importer.title
+    )
     all_robot_options = robot_options or ImportOptions()
     # The options that the importer takes are set back to their defaults, so that only the others are refused.
     defaults = {name: getattr(ImportOptions(), name) for name in importer.robot_options}
@@ -140,8 +142,10 @@ def import_with(
     # Losses are shown even if they are allowed: the user should know about them.
     for loss in outcome.losses[:_SHOWN_LOSSES]:
         say_text(message("cli.lost", "lost: {loss}", loss=loss), target=errors)
+    # A station with losses is written as well: the exit code keeps a script from running it unnoticed.
     if not outcome.losses or allow_losses:
         return ExitCode.DONE
+    # Only a user who has not accepted the losses needs to know their count.
     hidden_count = len(outcome.losses) - _SHOWN_LOSSES
     if hidden_count > 0:
         rest = message(
@@ -174,6 +178,7 @@ def examine_with(importer: FileImporter, file: Path, request: ImportRequest) -> 
         progress_note(message("cli.reading", "reading {file}", file=file)),
         _code_of(importer, file),
     ):
+        # Code of an extension: an error that no user causes is reported with the name of its package.
         outcome = importer.examine(file, request)
     # The report explains the problem, so it is shown before the error.
     _show_outcome(outcome)
@@ -210,6 +215,7 @@ def _unknowns_table(unknowns: Mapping[str, Sequence[str]]) -> Table:
     """
     rows = list[tuple[str, str]]()
     for name, places in unknowns.items():
+        # A variable of a large model may be used at hundreds of places.
         first_places = join_texts(places[:_SHOWN_PLACES], "; ")
         rest = " …" if len(places) > _SHOWN_PLACES else ""
         rows.append((name, compound("{places}{rest}", places=first_places, rest=rest)))

@@ -23,7 +23,7 @@ OutputLanguage = Annotated[
     typer.Option(
         _OPTION,
         envvar=LANGUAGE_VARIABLE,
-        help=message("cli.help_output_language", "Language of what is written on the screen."),
+        help=message("cli.help_output_language", "Language of the output on the screen."),
     ),
 ]
 """Option of a command that writes in several languages."""
@@ -39,9 +39,11 @@ def requested_language(arguments: Sequence[str]) -> str:
             counts. An unknown language counts as the one of the source, in which the error about it is written.
     """
     requested = os.environ.get(LANGUAGE_VARIABLE, SOURCE_LANGUAGE)
+    # The last of several options counts, as for typer.
     for argument, following in pairwise([*arguments, ""]):
         name, equals, value = argument.partition("=")
         if name == _OPTION:
+            # "--language=es" or "--language es".
             requested = value if equals else following
     return requested if requested in get_args(_Language) else SOURCE_LANGUAGE
 
@@ -62,6 +64,7 @@ def with_output_language(command: Callable[..., Any]) -> Callable[..., Any]:
         default=SOURCE_LANGUAGE,
         annotation=OutputLanguage,
     )
+    # Annotations are texts in modules that postpone their evaluation.
     signature = inspect.signature(command, eval_str=True)
     vars(run_in_language)["__signature__"] = signature.replace(
         parameters=[*signature.parameters.values(), own]

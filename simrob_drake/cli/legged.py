@@ -31,7 +31,7 @@ RobotOption = Annotated[
     typer.Option(
         metavar="NAME",
         help=message(
-            "cli.help_robot_option", "Which robot of the station; needed where there are several."
+            "cli.help_robot_option", "Robot of the station; required if the station has several."
         ),
     ),
 ]
@@ -47,7 +47,7 @@ def walk(
         typer.Option(
             metavar="NAME",
             help=message(
-                "cli.help_walk_gait", "A gait of the robot; the first for its feet by default."
+                "cli.help_walk_gait", "Gait of the robot; by default the first one for its feet."
             ),
         ),
     ] = None,
@@ -56,7 +56,7 @@ def walk(
         typer.Option(
             help=message(
                 "cli.help_walk_steps",
-                "Full step lengths ahead; at both ends shorter steps are added.",
+                "Distance ahead, in full step lengths; shorter steps are added at both ends.",
             )
         ),
     ] = 6,
@@ -64,7 +64,7 @@ def walk(
         float,
         typer.Option(
             help=message(
-                "cli.help_walk_amplitude", "Scales the length of the steps, and their turns."
+                "cli.help_walk_amplitude", "Factor for the lengths and the turns of the steps."
             )
         ),
     ] = 1.0,
@@ -73,7 +73,7 @@ def walk(
         typer.Option(
             metavar="SECONDS",
             help=message(
-                "cli.help_walk_step_time", "Time of each step; the gait's own by default."
+                "cli.help_walk_step_time", "Duration of each step [s]; by default that of the gait."
             ),
         ),
     ] = None,
@@ -98,6 +98,7 @@ def walk(
 
     def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
         """Walk. Returns the run, and a sentence about the count of steps."""
+        # The gait keeps its own step time unless the user gives one: None would be a wrong value.
         changes: dict[str, Any] = {} if step_time is None else {"step_time": step_time}
         result = legged_robot.walk(steps, amplitude, gait, **changes)
         return result, _steps_taken(legged_robot, gait, steps)
@@ -116,7 +117,7 @@ def act(
             metavar="[ACT]",
             help=message(
                 "cli.help_act_name",
-                "An act of the robot, such as `bow`. Without it, its acts are listed.",
+                "Act of the robot, such as `bow`. Without a name, the acts of the robot are listed.",
             ),
         ),
     ] = None,
@@ -160,10 +161,11 @@ def _missing_station(command: str, *, with_steps: bool) -> SimrobError:
     """
     names = _stations_with_gaits(with_steps=with_steps)
     # The stations named <robot>_dynamic are the plain ones, so one of them is the example.
+    # Others, such as humanoid_walking, have controllers or obstacles of their own.
     example = next((name for name in names if name.endswith("_dynamic")), names[0])
     text = message(
         "cli.name_a_station",
-        "{command} needs the name of a station, for example: {command} {example}. Stations for it: {names}",
+        "{command} needs the name of a station, for example: {command} {example}. Suitable stations: {names}",
         command=command,
         example=example,
         names=", ".join(names),
@@ -178,22 +180,22 @@ def _stations_with_gaits(*, with_steps: bool) -> list[str]:
         with_steps: whether gaits that consist of steps are meant, which need a floor and contact forces. Otherwise the
             acts are meant, which a robot also does on a kinematic station.
     """
-    # few commands need programs, which load scipy
-    from simrob_drake.programs.gaits.registry import (
-        gaits_of,
-    )
+    # Few commands need programs, which load scipy.
+    from simrob_drake.programs.gaits.registry import gaits_of
 
     @cache
     def has_gaits(model: str) -> bool:
         """Whether a robot of the package, given by name, has gaits of this kind."""
         try:
             return bool(gaits_of(model, steps=with_steps))
-        except InvalidParameter:  # the robot has no file of gaits
+        # The robot has no file of gaits.
+        except InvalidParameter:
             return False
 
     found = []
     for name in station_names():
         config = load_station(name)
+        # Contact forces move a robot that steps: a station without a floor, or a kinematic one, has none.
         can_walk = config.engine.moves_by_forces and config.contact is not None
         models = [robot.model for robot in config.robots.values() if robot.model is not None]
         if (can_walk or not with_steps) and any(has_gaits(model) for model in models):
@@ -212,7 +214,8 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
     Raises:
         SimrobError: the station has several robots and none is named, or the robot has no acts.
     """
-    from simrob_drake.programs.arm import Workcell  # few commands need programs, which load scipy
+    # Few commands need programs, which load scipy.
+    from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.gaits.registry import gaits_of
 
     cell = Workcell(station_from(station, settings))
@@ -221,6 +224,7 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
     if not acts:
         problem = message("cli.no_acts", "{robot} has no acts", robot=model.name)
         raise Unsuitable(station, problem)
+    # The next command is shown with an act that the robot has, so that a user can copy it.
     names = ", ".join(acts)
     say_text(
         message("cli.acts_of_robot", "acts of {robot}: {names}", robot=model.name, names=names)
@@ -246,12 +250,15 @@ def _steps_taken(legged_robot: "LeggedRobot", gait: str | None, steps: int) -> s
         name = first_gait(legged_robot.model, legged_robot.worn_feet, gaits)
     # Only gaits with full steps of one length begin and end with shorter ones.
     ramp_steps = getattr(gaits[name], "ramp_steps", 0)
+    # The shorter steps at both ends are extra steps: without a remark, a user who asks for 6 steps would count 8.
     taken = len(ramp_shares(steps, ramp_steps))
+    # The walk has no shorter steps, so the count is the one that the user asked for.
     if taken <= steps:
         return ""
     return message(
         "cli.steps_taken",
-        "it took {taken} steps, which go as far as {steps} full ones: they grow at the start and shrink at the end",
+        "it took {taken} steps for the distance of {steps} full {steps:step|steps}: the "
+        "steps grow at the start and shrink at the end",
         taken=taken,
         steps=steps,
     )
@@ -287,7 +294,8 @@ def _save_move(
             raise Unsuitable(
                 message("cli.set_option", "--set {setting}", setting=setting),
                 message(
-                    "cli.gait_says_how", "the gait or act says how the robot moves, and how long"
+                    "cli.gait_says_how",
+                    "the gait or act decides how the robot moves, and for how long",
                 ),
             )
 
@@ -305,12 +313,14 @@ def _save_move(
 
         return move
 
+    # Errors of the move occur in `prepare`, before the browser is opened and before anything is simulated.
     code = done_in_workcell(station_from(station, settings), saving, prepare)
     # Users who want several moves would otherwise look for an option of this command.
     say_text(
         message(
             "cli.chain_moves",
-            "several moves: list them in a program.yaml (moves: [{entry}, ...]), and simrob run program.yaml",
+            "for several moves, list them in a program.yaml (moves: [{entry}, ...]) and run "
+            "it: simrob run program.yaml",
             entry=f"{{{entry}}}",
         ),
         "dim",

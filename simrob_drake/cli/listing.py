@@ -34,6 +34,7 @@ def _list_files(kind: str, heading: Message, files: Mapping[str, Path]) -> None:
     """
     rows = [(name, _description(kind, name, file)) for name, file in files.items()]
     headings = (heading, message("cli.description", "description"))
+    # The table translates the descriptions, which are messages.
     console.print(table(headings, *rows, numbers=False))
 
 
@@ -45,6 +46,7 @@ def _description(kind: str, name: str, file: Path) -> Message:
         name: name of the station, robot or piece. Its translations are found by kind and name.
         file: its YAML file.
     """
+    # Only the file is read. Making a station of it would load its robots.
     english = str(read_yaml(file).get("description", ""))
     return description_message(kind, name, english)
 

@@ -26,7 +26,7 @@ from simrob_drake.robots.imports import ImportOptions
 
 
 def completed_station(typed: str) -> list[str]:
-    """List the stations of the package that begin with a text, for the shell's completion."""
+    """List the stations whose names begin with a text, for the shell's completion."""
     return [name for name in station_files() if name.startswith(typed)]
 
 
@@ -46,7 +46,9 @@ OptionalStation = Annotated[
         autocompletion=completed_station,
     ),
 ]
-"""Argument of a command that lists the fitting stations if none is given."""
+"""Argument of a command that lists the suitable stations if no station is given."""
+
+# A setting and a file have the same option, so that a file of settings can be made from a command line.
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -54,7 +56,7 @@ Settings = Annotated[
         metavar="KEY.PATH=VALUE|FILE",
         help=message(
             "cli.help_settings",
-            "Change a key of the station, or all that a YAML file has; may be given several times.",
+            "Change a key of the station, or all keys of a YAML file; may be given several times.",
         ),
     ),
 ]
@@ -70,6 +72,7 @@ MeshPath = Annotated[
     typer.Option(
         "--mesh-path",
         metavar="DIR",
+        # A missing folder would be ignored without a word, and the error would be about a mesh that is not found.
         exists=True,
         file_okay=False,
         resolve_path=True,
@@ -82,9 +85,10 @@ MeshPath = Annotated[
     ),
 ]
 Force = Annotated[
-    bool, typer.Option("--force", help=message("cli.help_force", "Replace what is there."))
+    bool, typer.Option("--force", help=message("cli.help_force", "Replace existing files."))
 ]
 
+# The options of `Saving`: all commands that simulate have them, with the same helps.
 ResultFolder = Annotated[
     Path | None,
     typer.Option(
@@ -104,19 +108,21 @@ Live = Annotated[
 NoRecording = Annotated[
     bool,
     typer.Option(
-        "--no-recording", help=message("cli.help_no_recording", "No recording and no film strip.")
+        "--no-recording",
+        help=message("cli.help_no_recording", "Write no recording and no film strip."),
     ),
 ]
 Video = Annotated[
     bool,
     typer.Option(
-        "--video", help=message("cli.help_video", "Write an MP4, too (needs the extra `video`).")
+        "--video", help=message("cli.help_video", "Also write an MP4 (needs the extra `video`).")
     ),
 ]
 Workers = Annotated[
     int | None,
     typer.Option(
-        min=1, help=message("cli.help_workers", "Processes; as many as processors by default.")
+        min=1,
+        help=message("cli.help_workers", "Count of processes; by default one for each processor."),
     ),
 ]
 Scheduler = Annotated[
@@ -124,7 +130,7 @@ Scheduler = Annotated[
     typer.Option(
         metavar="ADDRESS",
         help=message(
-            "cli.help_scheduler", "A Dask scheduler, tcp://HOST:PORT, whose workers do it."
+            "cli.help_scheduler", "A Dask scheduler, tcp://HOST:PORT, whose workers do the work."
         ),
     ),
 ]
@@ -132,7 +138,10 @@ Strictly = Annotated[
     bool,
     typer.Option(
         "--strict",
-        help=message("cli.help_strictly", "Exit with 4 if the result has warnings; it is saved."),
+        help=message(
+            "cli.help_strictly",
+            "Exit with 4 if the result has warnings; the result is saved all the same.",
+        ),
     ),
 ]
 ShowVerdict = Annotated[
@@ -141,7 +150,7 @@ ShowVerdict = Annotated[
         "--verdict",
         help=message(
             "cli.help_show_verdict",
-            "Show all criteria with their bounds, even if all are within them.",
+            "Show all criteria with their bounds, even if no bound is violated.",
         ),
     ),
 ]
@@ -155,7 +164,7 @@ FileArgument = Annotated[
         metavar="FILE",
         help=message(
             "cli.help_file_argument",
-            "A URDF, xacro, MJCF or SDF file; for import a Simulink model or a RAPID module, too.",
+            "A URDF, xacro, MJCF or SDF file; import also reads a Simulink model or a RAPID module.",
         ),
     ),
 ]
@@ -194,7 +203,8 @@ class LanguageOptions:
         typer.Option(
             metavar="ROBOT",
             help=message(
-                "cli.help_language_robot", "Robot that does a RAPID module: alone, or one of --on."
+                "cli.help_language_robot",
+                "Robot that runs a RAPID module: alone, or a robot of the station --on.",
             ),
         ),
     ] = None
@@ -203,7 +213,7 @@ class LanguageOptions:
         typer.Option(
             "--on",
             metavar="STATION",
-            help=message("cli.help_language_on", "Station on which a RAPID module is done."),
+            help=message("cli.help_language_on", "Station in which a RAPID module runs."),
         ),
     ] = None
     io: Annotated[
@@ -212,7 +222,7 @@ class LanguageOptions:
             "--io",
             metavar="FILE",
             help=message(
-                "cli.help_language_io", "Table of what the signals of a RAPID module mean."
+                "cli.help_language_io", "Table with the meanings of the signals of a RAPID module."
             ),
         ),
     ] = None
@@ -240,7 +250,7 @@ class LanguageOptions:
             "--allow-losses",
             help=message(
                 "cli.help_language_allow_losses",
-                "Take a RAPID or Simulink import though parts of it are lost.",
+                "Accept a RAPID or Simulink import even if parts of it are lost.",
             ),
         ),
     ] = False
@@ -265,6 +275,7 @@ def _option_parameter(name: str, annotation: Any, default: Any) -> inspect.Param
 
 def _parameters_of(group: type[Any]) -> list[inspect.Parameter]:
     """Make the parameters of a command for the options of a group, a dataclass."""
+    # The extras are typer's options in the annotations, which Python would drop.
     annotations = get_type_hints(group, include_extras=True)
     return [
         _option_parameter(option.name, annotations[option.name], option.default)
@@ -286,6 +297,7 @@ def with_group(group: type[Any], name: str) -> Decorator:
 
         @wraps(command)
         def call(**arguments: Any) -> Any:
+            # Typer passes every option, with its default value if the user has not given it.
             values = {parameter.name: arguments.pop(parameter.name) for parameter in parameters}
             return command(**arguments, **{name: group(**values)})
 
@@ -297,6 +309,7 @@ def with_group(group: type[Any], name: str) -> Decorator:
 
 def _set_signature(function: Callable[..., Any], signature: inspect.Signature) -> None:
     """Set the signature that Python's inspect, and so typer, sees of a function."""
+    # functools.wraps has copied the signature of the command itself, which has no parameter for each option.
     vars(function)["__signature__"] = signature
 
 
@@ -356,11 +369,14 @@ class ChosenOptions:
             allowed |= {field.name for field in fields(options_class)}
         for group in self.groups:
             for field in fields(group.options_class):
+                # Typer passes defaults like given values, so this is the only sign that the user has given an option.
                 is_default = self.values[field.name] == field.default
                 if not is_default and field.name not in allowed:
                     raise Unsuitable(
                         flag_of(field.name),
-                        message("cli.belongs_to", "it belongs to {owner}", owner=group.owner),
+                        message(
+                            "cli.belongs_to", "the option belongs to {owner}", owner=group.owner
+                        ),
                     )
 
 
@@ -376,6 +392,7 @@ def with_groups(groups: Sequence[OptionGroup], name: str) -> Decorator:
     parameters = dict[str, inspect.Parameter]()
     for group in groups:
         for parameter in _parameters_of(group.options_class):
+            # Two importers may have an option of the same name, and typer refuses a second one.
             parameters.setdefault(parameter.name, parameter)
 
     def with_options(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -404,6 +421,7 @@ def _signature(
     """
     parameters = list[inspect.Parameter]()
     for parameter in inspect.signature(command, eval_str=True).parameters.values():
+        # The new options take the position of the parameter, so that the help lists them there.
         if parameter.name == name:
             parameters += instead
         else:
@@ -416,6 +434,7 @@ def with_mesh_path(command: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(command)
     def call(*, mesh_path: list[Path] | None = None, **options: Any) -> Any:
+        # The grant ends with the command: in one process, as in a test, the next command must ask for it again.
         with granting(mesh_path or ()):
             return command(**options)
 
@@ -434,6 +453,7 @@ def with_import_options(*names: str) -> Decorator:
         *names: names of the options, fields of :class:`ImportOptions`. Without names, the command has all of them.
     """
     chosen_names = names or tuple(ImportOptions.model_fields)
+    # The helps come from the class of the options, so that a station's file and the command line have the same ones.
     helps = import_option_messages()
     parameters = [
         _import_parameter(name, ImportOptions.model_fields[name], helps[name])
@@ -446,6 +466,7 @@ def with_import_options(*names: str) -> Decorator:
         @wraps(command)
         def call(**arguments: Any) -> Any:
             values = {name: arguments.pop(name) for name in chosen_names}
+            # An option that is not given takes the default of the class.
             content = {name: value for name, value in values.items() if value is not None}
             options = validated(
                 ImportOptions, content, message("cli.import_options", "import options")
@@ -476,11 +497,13 @@ def _import_parameter(name: str, field: FieldInfo, text: str) -> inspect.Paramet
         text: help of the option.
     """
     flag = flag_of(name)
+    # None means "not given" for all options but the last ones, whose type has no None.
     default: Any = None
     annotation: Any
     if field.annotation == tuple[Path, ...]:
         annotation = MeshPath
     elif field.annotation == tuple[str, ...]:
+        # The form "NAME:=VALUE" is that of xacro itself.
         form = "NAME=FOLDER" if name == "packages" else "NAME:=VALUE"
         several = join_texts(
             [text, message("cli.help_several", "May be given several times.")], " "

@@ -3,7 +3,8 @@
 The core describes some in ``others.yaml``; extensions describe others in files of the same form.
 """
 
-from os.path import isdir, isfile  # which are false for names that no file can have
+# These return False for names that no file can have, where methods of a Path would raise an error.
+from os.path import isdir, isfile
 from pathlib import Path
 
 from pydantic import Field
@@ -20,7 +21,9 @@ _READ = message(
     "cli.what_is_read",
     "stations and programs are read from .yaml, robots from .urdf, .xacro, .xml and .sdf, models from .slx",
 )
+# A file with one robot may have the key `robot` in place of `robots`.
 _STATION_KEYS = {*StationConfig.model_fields, "robot"}
+"""Keys of the files of stations."""
 
 
 class OtherFiles(Strict):
@@ -54,6 +57,7 @@ def refuse_other(text: str) -> None:
         return
     is_yaml = isfile(file) and is_yaml_name(file)
     keys = set(read_yaml(file)) if is_yaml else set[str]()
+    # An empty file is described by its suffix, or reported when the station is loaded.
     if keys and keys <= _STATION_KEYS:
         return
     # Extensions come first: if the core describes the same files, an extension describes them in more detail.
@@ -61,7 +65,9 @@ def refuse_other(text: str) -> None:
         remedy = _find_remedy(file, keys, descriptions)
         if remedy:
             raise InvalidConfig(
-                file, "", message("cli.is_no_station", "is no station but {remedy}", remedy=remedy)
+                file,
+                "",
+                message("cli.is_no_station", "is not a station, but {remedy}", remedy=remedy),
             )
     if isfile(file) and not is_yaml:
         raise InvalidConfig(

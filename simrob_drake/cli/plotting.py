@@ -13,7 +13,7 @@ from simrob_drake.cli.options import Force
 from simrob_drake.cli.screen import say_place
 
 _FILE = Path("plot.png")
-"""Where a figure is saved unless the user names a file."""
+"""File of the figure if the user names none."""
 
 
 def plot(
@@ -21,7 +21,7 @@ def plot(
         list[Path],
         typer.Argument(
             metavar="RESULT...",
-            help=message("cli.help_plot_results", "Folders that `simrob run` made."),
+            help=message("cli.help_plot_results", "Result folders of `simrob run`."),
         ),
     ],
     signal: Annotated[
@@ -56,13 +56,11 @@ def plot(
 
         simrob plot runs/a runs/b --signal q.joint_2 --signal tau.joint_2
     """
-    # they load matplotlib
-    from simrob_drake.results.plots.overlay import (
-        overlay_figure,
-        read_results,
-    )
+    # These modules load matplotlib, which takes long.
+    from simrob_drake.results.plots.overlay import overlay_figure, read_results
     from simrob_drake.results.plots.own import save_figure
 
+    # Without a name and without --force, a former picture stays, and the new one gets a number.
     file = out or (_FILE if force else free_path(_FILE))
     check_new_file(file, force=force)
     figure = overlay_figure(read_results(results), signal or ())

@@ -32,7 +32,8 @@ from simrob_drake.stations.file_paths import station_with_absolute_path
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.load import bare_station, station_yaml
 
-if TYPE_CHECKING:  # few commands need programs, which load scipy
+# Few commands need programs, which load scipy. The functions that need them import them.
+if TYPE_CHECKING:
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.program import Program
     from simrob_drake.programs.program_importer import ImportedProgram, ProgramImporter
@@ -71,6 +72,7 @@ def run_program(
         def do_program() -> tuple[SimulationResult, str]:
             """Do the program. Returns the run, and a sentence about how far a legged robot moved."""
             result = perform(cell, program, file)
+            # The base of an arm is fixed, so there is nothing to say about how far it moved.
             remark = ""
             if not of_arms(cell, program):
                 remark = locomotion_sentence(result, cell.robot_name(program.robot))
@@ -110,7 +112,7 @@ def own_program(config: StationConfig) -> Program:
         raise InvalidConfig(
             config.name,
             "program",
-            message("cli.missing_moves", "missing: the moves that its robots make"),
+            message("cli.missing_moves", "this key is required: the moves of the robots"),
         )
     return program
 
@@ -137,7 +139,7 @@ def program_from(file: str, settings: list[str] | None) -> tuple[Program, Statio
             "station",
             message(
                 "cli.missing_station",
-                "missing: the name or the file of the station that it is to run on",
+                "this key is required: the name or the file of the station in which the program runs",
             ),
         )
     # A path in the program's file is relative to the folder of this file, not to the working folder.
@@ -174,10 +176,9 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
         # The stages are planned for the errors of the planner only; nothing is run.
         stages_of_program(LeggedRobot(cell, program.robot), program, cell.config, file)
         text = message("cli.moves_can_be_done", "{moves} moves can be done", moves=move_count)
-        if (
-            not move_count
-        ):  # an automatic program has cells instead: postures to which a sequencer leads the robot
-            text = message("cli.cells_can_be_reached", "its cells can be reached")
+        # An automatic program has cells instead of moves: postures to which a sequencer leads the robot.
+        if not move_count:
+            text = message("cli.cells_can_be_reached", "all of its cells can be reached")
         return Finding("ok", PROGRAM, text)
     # The rehearsal ends before a move that depends on the simulation, such as on where a piece falls.
     checked_count, duration = cell.rehearse(program, file)
@@ -195,7 +196,8 @@ def check_program(program: Program, config: StationConfig, file: str = "") -> Fi
         seen=checked_count,
         moves=move_count,
         time=duration,
-        move=move_title(checked_count),  # the index of the first move that was not checked
+        # The count of the checked moves is the index of the first move that was not checked.
+        move=move_title(checked_count),
     )
     return Finding("note", PROGRAM, text)
 
@@ -244,7 +246,7 @@ def refuse_language(options: LanguageOptions) -> bool:
         name: value for name, value in asdict(options).items() if value != getattr(defaults, name)
     }
     allow_losses = bool(chosen.pop("allow_losses", False))
-    refuse(message("cli.belongs_to_rapid", "it belongs to RAPID modules"), **chosen)
+    refuse(message("cli.belongs_to_rapid", "the option belongs to RAPID modules"), **chosen)
     return allow_losses
 
 
@@ -277,13 +279,14 @@ def _losses_error(losses: Sequence[str]) -> SimrobError:
     Args:
         losses: sentences about the lost lines, at least one. The message contains the first, and the count of the rest.
     """
+    # One loss explains the refusal. Many would fill the screen, and `simrob import` lists all of them.
     rest_count = len(losses) - 1
     rest = (
         message("cli.and_more_losses", ", and {count} more", count=rest_count) if rest_count else ""
     )
     text = message(
         "cli.nothing_moved",
-        "{first}{more}; nothing moved: --allow-losses runs it without",
+        "{first}{more}; the program was not run: --allow-losses runs it without these lines",
         first=losses[0],
         more=rest,
     )
@@ -313,6 +316,7 @@ def import_program(
     # All files are checked before the program is read, which may take long, and before one of them is written.
     for file_to_write in new_files:
         check_new_file(file_to_write, force=force)
+    # A converted program takes no changes of a station: they belong to the run of it.
     imported, config = _read_program(file, options, None)
     # The two files are in one folder, so the program names its station by the file's name alone.
     station_name = options.on or station.name
@@ -321,7 +325,9 @@ def import_program(
         written_at_once(station, station_yaml(config))
     _show_remarks(imported)
     say_place(
-        PROGRAM, translate(compound("{file}: {time:.3f} s", file=target, time=imported.duration))
+        # The time needs the decimal sign of the language, which `say_place` does not apply to a place.
+        PROGRAM,
+        translate(compound("{file}: {time:.3f} s", file=target, time=imported.duration)),
     )
     say_place(NEXT, f"simrob run {target}")
     losses = imported.losses
@@ -355,12 +361,16 @@ def _read_program(
     from simrob_drake.programs.program_importer import ProgramRequest
 
     importer = program_importer(file)
-    assert importer is not None  # callers have checked the file with `is_language_file`
+    # Callers have checked the file with `is_language_file`.
+    assert importer is not None
     if options.on is None and options.robot is None:
         raise InvalidParameter(
             "--robot",
             "missing",
-            message("cli.who_does_it", "who does it, as --robot irb120; or --on a station"),
+            message(
+                "cli.who_does_it",
+                "the robot that runs the program, such as --robot irb120, or a station with --on",
+            ),
         )
     if options.on is not None:
         # The robot is one of the station's; None stands for its only one.
@@ -370,6 +380,7 @@ def _read_program(
         # The robot is one of the package's, alone on a station made for it.
         config = bare_station(str(options.robot), changes_of(settings, "--set"))
         robot = None
+    # The options of the command line become those of an importer, which is code of an extension.
     request = ProgramRequest(
         config=config,
         robot=robot,
@@ -388,5 +399,5 @@ def _show_remarks(imported: ImportedProgram) -> None:
     for remark in imported.remarks:
         text = remark.text
         if remark.is_lost:
-            text = message("cli.lost_line", "lost {text}", text=remark.text)
+            text = message("cli.lost_line", "lost: {text}", text=remark.text)
         say_text(text)

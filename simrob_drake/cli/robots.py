@@ -67,7 +67,7 @@ def import_file(
         typer.Option(
             help=message(
                 "cli.help_import_file_out",
-                "Folder of the result; by default NAME_imported, here or beside the file's package.",
+                "Folder of the result; by default NAME_imported, here or next to the file's package.",
             )
         ),
     ] = None,
@@ -79,14 +79,15 @@ def import_file(
             "--set",
             metavar="NAME=VALUE",
             help=message(
-                "cli.help_import_file_set", "A variable of a Simulink model; may be given often."
+                "cli.help_import_file_set",
+                "A variable of a Simulink model; may be given several times.",
             ),
         ),
     ] = None,
     importer_options: ChosenOptions,
     language: LanguageOptions,
 ) -> ExitCode:
-    """Make a published robot, a Simulink model, a CAD assembly or a RAPID program run, and report all that was done.
+    """Import a robot, a Simulink model, a CAD assembly or a RAPID program, and report every change.
 
     For example:
 
@@ -106,7 +107,9 @@ def import_file(
             options,
         )
         importer_options.refuse_all_but([])
-        refuse(message("cli.belongs_to_simulink", "it belongs to Simulink models"), set=set_)
+        refuse(
+            message("cli.belongs_to_simulink", "the option belongs to Simulink models"), set=set_
+        )
         return import_program(file, out, language, force=force)
     # All imports share --allow-losses with programs, so it is passed on instead of refused.
     allow_losses = refuse_language(language)
@@ -117,10 +120,11 @@ def import_file(
             importer, "options_class", importer_options, options, set_, out=out, force=force
         )
         return import_with(importer, file, request, allow_losses=allow_losses)
+    # The core imports this file, so the options of importers have no effect on it.
     importer_options.refuse_all_but([])
     # The report of a robot shows what is lost, but the import never stops for it: there is nothing to allow.
     refuse(
-        message("cli.belongs_to_simulink", "it belongs to Simulink models"),
+        message("cli.belongs_to_simulink", "the option belongs to Simulink models"),
         set=set_,
         allow_losses=allow_losses,
     )
@@ -146,6 +150,7 @@ def examine_file(file: Path, options: ImportOptions | None) -> None:
     show_robot(imported.model)
     _show_report(imported)
     # Drake cannot simulate such a link by forces: the user has to add inertias, or to estimate them by an option.
+    # A station with forces refuses such a robot later, with less about its file.
     names = imported.model.links_without_inertia
     links = join_texts(names) if names else message("cli.no_links", "none")
     say_text(
@@ -188,18 +193,22 @@ def view(
             window = RobotView(read_robot(robot, options))
     else:
         refuse_import(
-            message("cli.no_file_of_robot", "this is no file of a robot, and nothing is imported"),
+            message(
+                "cli.no_file_of_robot", "this is not the file of a robot, and nothing is imported"
+            ),
             options,
         )
         window = RobotView(read_robot(robot))
     say(message("cli.shown_at", "{robot} is shown at {url}", robot=robot, url=window.url))
     hint = message(
         "cli.collision_geometry",
-        "collision geometry: Scene, collision in the page's menu; end with Stop there, or Ctrl+C here",
+        "to see the collision geometry, choose Scene, collision in the menu of the page; to "
+        "end, press Stop there or Ctrl+C here",
     )
     say_text(hint)
+    # The call returns when the user stops the view in the browser.
     try:
-        window.run()  # returns when the user stops it in the browser
+        window.run()
     finally:
         window.close()
 
@@ -211,13 +220,13 @@ def station(
     out: Annotated[
         Path | None,
         typer.Option(
-            help=message("cli.help_station_out", "The station's file; NAME.yaml unless given.")
+            help=message("cli.help_station_out", "File of the station; by default NAME.yaml.")
         ),
     ] = None,
     options: ImportOptions | None,
     force: Force = False,
 ) -> None:
-    """Write a first station for a robot's file, one that runs at once.
+    """Write a first station for a robot's file, ready to run.
 
     For example:
 
@@ -225,6 +234,7 @@ def station(
     """
     target = out or Path(f"{file.stem}.yaml")
     # The draft needs trial runs, which take time, so the target is checked first.
+    # A file with another ending would not be read as a station again.
     check_ending(target, YAML_SUFFIXES, "--out")
     check_new_file(target, force=force)
     with progress_note(message("cli.reading", "reading {file}", file=file)):
@@ -235,6 +245,7 @@ def station(
     for comment in comments[1:]:
         say_text(comment.removeprefix("# "))
     say_place(STATION, target)
+    # The next commands must be allowed to read what this command was allowed to read.
     mesh_folders = options.mesh_path if options else ()
     flags = _grant_robot_folders(target, [file, *mesh_folders])
     say_place(NEXT, f"simrob check {target}{flags}")
@@ -257,12 +268,13 @@ def _grant_robot_folders(station: Path, sources: Iterable[Path]) -> str:
     """
     folders = _packages_outside(station, sources)
     flags = "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in folders)
+    # If the disk cannot be written, the user gives the folders as options of each command.
     if not folders or not remember_grants(station, folders):
         return flags
     text = message(
         "cli.station_may_read",
-        "The robot is outside of the station's folder. This computer remembers that the station may read it; "
-        "elsewhere, or after it is moved, add:",
+        "The robot is outside the station's folder. This computer remembers that the station "
+        "may read it. On another computer, or after moving the station, add:",
     )
     say_text(text)
     say(flags.strip())
@@ -282,8 +294,10 @@ def _packages_outside(station: Path, sources: Iterable[Path]) -> list[Path]:
     own_package = package_root(resolved(station))
     folders = list[Path]()
     for source in map(resolved, sources):
+        # A file in the station's own package may be read without a grant.
         if not source.is_relative_to(own_package):
             folders.append(package_root(source))
+    # Meshes and robot are often in one package. A dict keeps the order and drops repeated folders.
     return list(dict.fromkeys(folders))
 
 

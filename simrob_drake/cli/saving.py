@@ -77,6 +77,7 @@ def prepared_folder(config: StationConfig, saving: Saving) -> PreparedFolder:
 
         # A missing package for videos is found now, not after the run.
         frame_writer()
+    # The warnings are shown now, so that the user can stop a long run that will go wrong.
     warnings = [finding for finding in check_station(config) if finding.level == "warning"]
     for finding in warnings:
         say_warning(compound("{subject}: {text}", subject=finding.subject, text=finding.text))
@@ -85,11 +86,11 @@ def prepared_folder(config: StationConfig, saving: Saving) -> PreparedFolder:
 
 def wait_for_watcher(url: str) -> None:
     """Show the address at which the motion can be watched. At a terminal, wait until the user has opened it."""
-    say(message("cli.watch_at", "watch it at {url}", url=url))
+    say(message("cli.watch_at", "watch the motion at {url}", url=url))
     # Without a terminal, as in a script or a test, there is no user to press Enter.
     if sys.stdin.isatty():
         question = message(
-            "cli.open_in_browser", "open it in a browser, then press Enter to start "
+            "cli.open_in_browser", "open the address in a browser, then press Enter to start "
         )
         console.input(translate(question))
 
@@ -115,7 +116,8 @@ def done_in_workcell(
     Raises:
         SimrobError: the move cannot be done, or the run cannot be saved.
     """
-    from simrob_drake.programs.arm import Workcell  # few commands need programs, which load scipy
+    # Few commands need programs, which load scipy.
+    from simrob_drake.programs.arm import Workcell
 
     cell = Workcell(config)
     prepared = prepared_folder(config, saving)
@@ -156,6 +158,7 @@ def locomotion_sentence(result: SimulationResult, robot: str) -> str:
         "{ahead:z.3f} m ahead, {drift:.3f} m to the {side}, turned by {turn:.1f} deg to the {turn_side}",
         ahead=path.ahead,
         drift=abs(path.drift),
+        # The words give the side, so the numbers have no sign.
         side=_side(path.drift),
         turn=abs(degrees(path.yaw)),
         turn_side=_side(path.yaw),
@@ -225,6 +228,7 @@ def _show_files(result: SimulationResult, folder: Path, *, with_recording: bool)
         with_recording: whether a recording was saved.
     """
     say_place(RESULT, folder)
+    # The file with the commands makes it possible to repeat a run that the user has steered.
     if result.commanded:
         say_place(message("cli.commanded", "commanded"), folder / COMMANDS)
     if (folder / PROGRAM).exists():
@@ -262,7 +266,8 @@ def _show_verdict(
         with_table: whether the table is shown even if all values are within their bounds.
         shown_before: texts of warnings that were shown before the run, and are left out.
     """
-    summary, *remarks = verdict.remarks  # the first remark sums up the run
+    # The first remark sums up the run.
+    summary, *remarks = verdict.remarks
     # An output without colours shows a warning or a failure by its word.
     is_plain = not console.is_terminal and summary.severity in ("warning", "failure")
     word = f"{translate(SEVERITY_WORDS[summary.severity])}: " if is_plain else ""
@@ -272,7 +277,8 @@ def _show_verdict(
     is_table_useful = bool(verdict.table) and summary.severity != "failure"
     if is_table_useful and (with_table or verdict.beyond):
         console.print(criteria_table(verdict))
-    shown_remedies = list[Remedy]()  # several remarks may have the same remedy, which is shown once
+    # Several remarks may have the same remedy, which is shown once.
+    shown_remedies = list[Remedy]()
     for remark in remarks:
         if remark.text in shown_before:
             continue

@@ -50,9 +50,15 @@ SEVERITY_STYLES: dict[Severity, str] = {
 }
 """Styles of rich for the severities of remarks. An output that is no terminal has no colours."""
 
-_INDENT = " " * len("warning ")  # the longest word of a severity, with a space behind it
+# The longest word of a severity, with a space behind it. Longer words of another language are followed by no space.
+_INDENT = " " * len("warning ")
+"""Indentation of the text of a remark."""
+
 _SETTINGS_INDENT = f"{_INDENT}  "
-_LABEL_WIDTH = len("recording")  # the longest of the labels of `say_place`
+"""Indentation of the settings of a remedy."""
+
+_LABEL_WIDTH = len("recording")
+"""Width of the longest of the labels of :func:`say_place`."""
 
 # Labels in front of paths and commands, see `say_place`.
 NEXT = message("cli.next", "next")
@@ -66,6 +72,7 @@ WRITTEN = message("cli.written", "written")
 
 def say(text: str | Text) -> None:
     """Write a text in the language of the output as one line, however long it is."""
+    # A text of rich has been translated by its caller.
     line = translate(text) if isinstance(text, str) else text
     console.print(line, soft_wrap=True)
 
@@ -142,6 +149,7 @@ def say_remark(remark: Remark, *, with_remedy: bool = True) -> None:
         remark: the remark.
         with_remedy: whether the remedy is written. Several remarks may have the same one.
     """
+    # A script that reads the output stream gets the results alone.
     target = errors if remark.severity in ("warning", "failure") else console
     word = translate(SEVERITY_WORDS[remark.severity])
     _say_hanging(target, Text(word, SEVERITY_STYLES[remark.severity]), remark.text)
@@ -208,7 +216,8 @@ def table(
     shown_title = Text(translate(title)) if title else None
     result = Table(box=None, pad_edge=False, title=shown_title)
     for index, heading in enumerate(headings):
-        is_name = index == 0  # the first column names the row, also in a table of numbers
+        # The first column names the row, also in a table of numbers.
+        is_name = index == 0
         justify: Literal["left", "right"] = "right" if numbers and not is_name else "left"
         # A word that is longer than its column goes on in the next line.
         result.add_column(Text(translate(heading)), justify=justify, overflow="fold")
@@ -231,6 +240,7 @@ def progress_note(text: str) -> AbstractContextManager[object]:
 def say_error(text: str) -> None:
     """Write an error on the error stream: on one line for scripts, wrapped at words for a user at a terminal."""
     line = f"simrob: {shortened(translate(text), _LONGEST)}"
+    # A terminal would break the line within words.
     if sys.stderr.isatty():
         line = "\n".join(_wrap(line, errors.width))
     print(line, file=sys.stderr, flush=True)
@@ -272,9 +282,8 @@ def finished_first(work: str) -> Iterator[Callable[[], bool]]:
                 work=work,
             )
             say_error(text)
-        elif (
-            interrupt_count == 2
-        ):  # a third interrupt must not disturb the clean-up after the second one
+        # A third interrupt must not disturb the clean-up after the second one.
+        elif interrupt_count == 2:
             raise KeyboardInterrupt
 
     # Python allows handlers of signals in the main thread only. A handler other than Python's own belongs to the
@@ -286,6 +295,7 @@ def finished_first(work: str) -> Iterator[Callable[[], bool]]:
         return
     signal.signal(signal.SIGINT, count_interrupt)
     try:
+        # The count changes while the body runs, so a function is yielded instead of its present value.
         yield lambda: interrupt_count > 0
     except KeyboardInterrupt:
         text = message(

@@ -64,7 +64,7 @@ def run(
             metavar="STATION|PROGRAM",
             help=message(
                 "cli.help_run_station",
-                "A name from `simrob list`, the YAML file of either, or a RAPID module.",
+                "A name from `simrob list`, the YAML file of a station or a program, or a RAPID module.",
             ),
             autocompletion=completed_station,
         ),
@@ -72,7 +72,9 @@ def run(
     duration: Annotated[
         float | None,
         typer.Option(
-            help=message("cli.help_run_duration", "Simulated time [s], in place of the station's.")
+            help=message(
+                "cli.help_run_duration", "Simulated time [s], in place of that of the station."
+            )
         ),
     ] = None,
     set_: Settings = None,
@@ -83,7 +85,7 @@ def run(
             metavar="N|events",
             help=message(
                 "cli.help_run_frames",
-                "Pictures of the film strip; events by default for programs, else 7.",
+                "Frames of the film strip; by default events for programs, otherwise 7.",
             ),
         ),
     ] = None,
@@ -92,7 +94,8 @@ def run(
         typer.Option(
             "--converge",
             help=message(
-                "cli.help_run_converge", "Run again ten times tighter and print the difference."
+                "cli.help_run_converge",
+                "Run again with ten times tighter accuracy, and show the difference.",
             ),
         ),
     ] = False,
@@ -111,15 +114,21 @@ def run(
 
         simrob run Module.mod --robot irb120
     """
+    # The value is read first: a wrong one should not be found only after a long run.
     film_frames = _read_frames(frames)
     # Options without an effect on this kind of file are refused, before the file is read.
     is_in_language = is_language_file(station)
     is_program = not is_in_language and is_program_file(station)
+    # These options would have no effect on a station or on a program in YAML.
     if not is_in_language:
         refuse_language(language)
+    # The moves of a program take as long as they need, and its file names no code that could be allowed.
     if is_in_language or is_program:
         refuse(
-            message("cli.program_has_duration", "a program has its own duration and names no code"),
+            message(
+                "cli.program_has_duration",
+                "a program has its own duration, and its file names no code",
+            ),
             duration=duration,
             converge=converge,
             allow_code=allow_code,
@@ -157,7 +166,8 @@ def demo(
         typer.Option(help=message("cli.help_demo_out", "Folder of the result, which is replaced.")),
     ] = Path("runs/demo"),
 ) -> int:
-    """Run the main job: an IRB120 moves by joint torque; the recording opens in any browser."""
+    """Run a demonstration: an IRB120 moves by joint torques; the recording opens in any browser."""
+    # The demonstration needs no file of the user's, and can be repeated: its former result is replaced.
     config = station_from("irb120_dynamic", None)
     saving = Saving(out=out, force=True)
     prepared = prepared_folder(config, saving)
@@ -172,7 +182,7 @@ def diagram(
         typer.Option(
             help=message(
                 "cli.help_diagram_out",
-                "FILE.svg, .png, .pdf, .dot or .mmd; DOT on the screen unless given.",
+                "FILE.svg, .png, .pdf, .dot or .mmd; by default DOT on the screen.",
             )
         ),
     ] = None,
@@ -201,6 +211,7 @@ def _read_frames(text: str | None) -> Frames:
     Raises:
         InvalidParameter: the value is neither a number of at least 2 nor ``events``.
     """
+    # None is the default of the result: `events` for programs, otherwise a fixed count of frames.
     if text is None or text == "events":
         return cast(Frames, text)
     # A film strip shows at least the begin and the end.
@@ -231,7 +242,8 @@ def _simulate(config: StationConfig, live: bool) -> SimulationResult:
     try:
         # The browser shows the time, so a progress bar would only repeat it. Commands of the user reach the station
         # through the steering.
-        result = simulate(config, progress=False, on_step=view.on_step, commands=steering.hands)
+        result = simulate(config, progress=False, on_step=view.on_step, commands=steering.commands)
+        # The page stays open after the run, and shows how it ended.
         view.say(result.end_in_words)
         return result
     finally:
@@ -256,7 +268,9 @@ def _run_tighter(result: SimulationResult) -> ExitCode:
         )
         say_text(text)
         return ExitCode.DONE
+    # A factor of ten is far more than rounding changes, and the run still ends in a reasonable time.
     tighter_solver = result.config.solver.tighter()
+    # All other keys stay, and the seeds with them: the accuracy is the only difference.
     tight = simulate(result.config.model_copy(update={"solver": tighter_solver}))
     console.print(convergence_table(result, tight))
     return exit_code(tight)

@@ -27,10 +27,11 @@ from simrob_drake.stations.findings import Finding
 LARGEST_DIFFERENCE = message("cli.largest_difference", "largest difference")
 AT_TIME = message("cli.at_time", "at [s]")
 
-# Largest torque of an axis, as a share of its limit, with which the axis can be folded into the row of several axes.
 _EASY_SHARE = 0.6
-# A station with more easy axes than this has one row for them. An arm on a linear axis has seven.
+"""Largest torque of an axis, as a share of its limit, with which the axis can share a row with others [1]."""
+
 _MOST_EASY_AXES = 7
+"""A station with more easy axes than this has one row for them. An arm on a linear axis has seven."""
 
 _COLOURS: dict[EntryKind, str] = {
     "read": "dim",
@@ -75,6 +76,7 @@ def cells_table(result: SimulationResult) -> Table:
     rows = []
     for controller, times in result.cells.items():
         for index, time in enumerate(times):
+            # A run may end before the last cell.
             reached = "–" if time is None else compound("{time:.2f}", time=time)
             rows.append((controller, str(index), reached))
     headings = (
@@ -212,7 +214,8 @@ class _Difference(NamedTuple):
 
 def _pose_differences(poses: Vector, others: Vector) -> list[_Difference]:
     """Compute the distance [mm] and the angle [deg] between poses x y z qw qx qy qz, shape (m, 7), sample by sample."""
-    distances = 1e3 * np.linalg.norm(poses[:, :3] - others[:, :3], axis=1)  # from m to mm
+    # From m to mm.
+    distances = 1e3 * np.linalg.norm(poses[:, :3] - others[:, :3], axis=1)
     # Unit quaternions p and q of orientations that differ by the angle a have the distance |p - q| = 2 sin(a / 4), so
     # a = 4 asin(|p - q| / 2). The quaternions q and -q are the same orientation: the smaller distance counts.
     quaternions = poses[:, 3:]
@@ -234,7 +237,8 @@ def in_units(value: float, unit: str) -> str:
         value: the value.
         unit: its unit: "1" for a value without a unit, "rad", "m" or another one.
     """
-    if unit == "1":  # a share, or an entry of a quaternion
+    # A share, or an entry of a quaternion.
+    if unit == "1":
         return compound("{value:.2e}", value=value)
     if unit == "rad":
         return compound(
@@ -269,6 +273,7 @@ def fold_axes(findings: Sequence[Finding]) -> list[Finding]:
         and finding.torque_share is not None
         and finding.torque_share <= _EASY_SHARE
     ]
+    # Few rows are easy to read as they are.
     if len(easy) <= _MOST_EASY_AXES:
         return list(findings)
     most_loaded = max(easy, key=_torque_share)
@@ -278,7 +283,7 @@ def fold_axes(findings: Sequence[Finding]) -> list[Finding]:
         message("cli.more_axes", "{count} more axes", count=len(folded)),
         message(
             "cli.within_share_of_torque",
-            "each needs at most {largest:.0%} of its torque limit; {option} shows each",
+            "each needs at most {largest:.0%} of its torque limit; {option} lists each",
             largest=max(map(_torque_share, folded)),
             option="--all",
         ),
@@ -298,6 +303,7 @@ def robot_table(robot: RobotModel) -> Table:
     """Make the table of the axes of a robot, with their limits of position and effort."""
     # Limits are in SI units, and the table in the units for users: deg instead of rad.
     lower_limits, upper_limits = robot.axis_limits
+    # Numbers stay fields of messages, so that a language writes its own decimal sign.
     lower = [compound("{end:.5g}", end=end) for end in lower_limits / robot.user_units]
     upper = [compound("{end:.5g}", end=end) for end in upper_limits / robot.user_units]
     # A passive axis has no motor.
@@ -338,10 +344,12 @@ def payload_lines(robot: RobotModel) -> list[str]:
         (message("cli.in_weakest_posture", "in its weakest posture"), dynamics.weakest_posture()),
     )
     for where, posture in postures:
-        masses = dynamics.payload(posture)  # largest mass [kg] that the motor of each axis can hold
-        axis = int(np.argmin(masses))  # the axis whose motor limits the payload
+        # Largest mass that the motor of each axis can hold [kg]. The weakest motor limits the payload.
+        masses = dynamics.payload(posture)
+        axis = int(np.argmin(masses))
         mass = float(masses[axis])
-        if not np.isfinite(mass):  # no motor carries the load, as in a robot that moves in a plane
+        # No motor carries the load, as in a robot that moves in a level plane.
+        if not np.isfinite(mass):
             continue
         # Adding 0.0 turns -0.0 into 0.0.
         positions = (posture / robot.user_units).round(3) + 0.0
@@ -366,11 +374,11 @@ def report_table(report: ImportReport) -> Table:
     Entries of the same kind with the same text, such as a missing inertia of many links, share a row.
     """
     rows = []
+    # The order of the kinds goes from what was read to what was refused, so the worst entries are next to the prompt.
     for kind in ENTRY_KINDS:
         change = Text(translate(CHANGE[kind]), _COLOURS[kind])
-        elements_by_text = dict[
-            str, list[str]
-        ]()  # names of the elements that a row lists, by the text of the row
+        # Names of the elements that a row lists, by the text of the row.
+        elements_by_text = dict[str, list[str]]()
         for entry in report.entries:
             if entry.kind == kind:
                 elements_by_text.setdefault(entry.text, []).append(entry.element)

@@ -95,6 +95,7 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
         # The message for a literal lists its choices, so the finding becomes one about a literal.
         quoted_choices = ", ".join(f"'{choice}'" for choice in choices)
         described = {**finding, "type": "literal_error", "ctx": {"expected": quoted_choices}}
+    # Typer's own sentence is English only, and names types of Python.
     text = value_problem(described)
     value = finding.get("input")
     if value is not None:
@@ -134,7 +135,8 @@ def _misused_option(problem: Any) -> Message:
     option = problem.option_name
     flag_names = list[str]()
     for parameter in problem.ctx.command.params:
-        if getattr(parameter, "is_flag", False):  # arguments have no such attribute
+        # Arguments have no such attribute.
+        if getattr(parameter, "is_flag", False):
             flag_names += parameter.opts
     if option in flag_names:
         return message("cli.option_takes_no_value", "{option} takes no value", option=option)
@@ -158,5 +160,6 @@ def command_name(context: Any) -> str:
 def _name_of(problem: Any) -> str:
     """Name of the argument or option of an error, as the help shows it, without quotes."""
     parameter = problem.param
+    # Python's name of an argument is not what the help shows, such as `set_` for --set.
     options = [name for name in parameter.opts if name.startswith("-")]
     return options[0] if options else str(parameter.display_name_raw)

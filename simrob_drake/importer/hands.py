@@ -20,15 +20,14 @@ from simrob_drake.robots.fingers import JAW
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import add_joint, joint_limits, movable_joints, name_of, root_link
 
-HAND = "hand"  # name of the folder of the hand's meshes, and prefix of the hand's names that the arm has, too
-_NAMED_TAGS = (
-    "link",
-    "joint",
-    "frame",
-    "material",
-    "transmission",
-)  # elements whose names must differ
-_NAME_ATTRIBUTES = ("link", "joint", "name")  # attributes that hold a name of such an element
+HAND = "hand"
+"""Name of the folder of the hand's meshes, and prefix for names of the hand that the arm has as well."""
+
+_NAMED_TAGS = ("link", "joint", "frame", "material", "transmission")
+"""Elements whose names must differ within a robot."""
+
+_NAME_ATTRIBUTES = ("link", "joint", "name")
+"""Attributes that contain a name of such an element."""
 
 ReadRobot = Callable[[Path, Path, ImportOptions, ImportReport], ET.Element]
 """Reads and repairs a robot's file. Its arguments: the file, the folder for the meshes that it writes, the options, and
@@ -69,7 +68,9 @@ def add_hand(
     """
     assert options.hand is not None
     folder = work / HAND
+    # A folder of its own: files of arm and hand may have the same names.
     folder.mkdir()
+    # Errors must name the file of the hand. The entries are then added to the one report that the user sees.
     hand_report = ImportReport(options.hand)
     hand = read(options.hand, folder, of_hand(options), hand_report)
     report.entries += [
@@ -78,14 +79,17 @@ def add_hand(
     ]
     if options.hand_link:
         links = [name_of(element) for tag in ("link", "frame") for element in robot.iterfind(tag)]
+        # The file of the arm may have no link at the flange, but a frame.
         mount = one_of(
             message("importer.link_for_hand", "link for hand_link"), options.hand_link, links
         )
     else:
         mount = tool_links(robot)[0]  # the usual link for a tool
+    # Before the hand is a part of the arm: afterwards its names cannot be distinguished.
     _rename_duplicates(hand, robot)
     for mesh in hand.iter("mesh"):
         mesh.set("filename", f"{HAND}/{mesh.get('filename', '')}")
+    # The hand's own root, which may have been renamed just before.
     root = root_link(hand)
     robot.extend(hand)
     pose = transform_from_pose(options.hand_pose)
@@ -95,7 +99,7 @@ def add_hand(
         message("robots.link_called", "link '{link}'", link=root),
         message(
             "importer.hand_put_on",
-            "of {hand}, put on '{mount}'",
+            "root of the hand {hand}, attached to '{mount}'",
             hand=options.hand.name,
             mount=mount,
         ),
@@ -110,7 +114,9 @@ def _rename_duplicates(hand: ET.Element, arm: ET.Element) -> None:
     hand_names = _element_names(hand)
     arm_names = _element_names(arm)
     free_names = FreeNames(hand_names | arm_names)
+    # Sorted, so that the same files always get the same names.
     new_names = {name: free_names.take(f"{HAND}_{name}") for name in sorted(hand_names & arm_names)}
+    # All elements, since names are used by joints, mimics, transmissions and frames alike.
     for element in hand.iter():
         for attribute in _NAME_ATTRIBUTES:
             name = element.get(attribute)
@@ -138,16 +144,19 @@ def mark_jaw(robot: ET.Element, joint: str, report: ImportReport) -> None:
         InvalidModel: the joint has no limits, so its closed position is not known.
     """
     one_of(message("importer.joint_for_gripper", "joint for gripper"), joint, movable_joints(robot))
+    # one_of() has checked that there is such a joint.
     jaw = next(element for element in robot.iterfind("joint") if name_of(element) == joint)
+    # A gripper is closed at one end of its range and open at the other.
     if not np.isfinite(joint_limits(jaw)).all():
         raise report.refusal(
             message("robots.joint_called", "joint '{joint}'", joint=joint),
             message(
                 "importer.gripper_without_limits",
-                "has no limits, so that no end of its range is that of a closed jaw",
+                "has no limits; the jaw of a gripper needs a closed and an open position",
             ),
         )
     for element in robot.iterfind("joint"):
+        # A mark from the file itself, or from an earlier import, would make a second gripper.
         for mark in element.findall(JAW):
             element.remove(mark)
     ET.SubElement(jaw, JAW)

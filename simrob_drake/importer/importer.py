@@ -25,8 +25,13 @@ from simrob_drake.robots.imports import ImportOptions, ImportReport
 
 CORE_SUFFIXES = (".urdf", ".xacro", ".xml", ".sdf", ".world")
 """Suffixes of files that the core reads as robots."""
+
 _CORE_NAMES = (*CORE_SUFFIXES, "<robot>", "<sdf>")
-_BEGINNING = 65536  # bytes of a file in which its outermost element is expected
+"""Names at the extension point that no extension can announce, because the core reads such files itself."""
+
+# A licence in a comment before the element may be long. Not the whole file: it may be a mesh of gigabytes.
+_BEGINNING = 65536
+"""Count of bytes of a file in which its outermost element is expected."""
 
 register_core_names("importers", lambda: _CORE_NAMES)
 
@@ -118,7 +123,7 @@ class ImportOutcome:
 
 @dataclass(frozen=True)
 class SceneRequest:
-    """What a user says about a scene of another tool that is run as a station.
+    """Options of the user for a scene of another tool that is run as a station.
 
     Attributes:
         packages: folders of packages that the user names, by the name of the package.
@@ -178,7 +183,7 @@ class FileImporter(Importer, ABC):
             "",
             message(
                 "importer.import_reads_it",
-                "is {title}, which simrob import reads, and simrob check cannot",
+                "is {title}, which `simrob check` cannot read; use `simrob import`",
                 title=self.title,
             ),
         )
@@ -203,7 +208,7 @@ class FileImporter(Importer, ABC):
             "",
             message(
                 "importer.is_no_scene",
-                "is {title}, which simrob import reads, and simrob run cannot",
+                "is {title}, which `simrob run` cannot simulate; use `simrob import`",
                 title=self.title,
             ),
         )
@@ -227,7 +232,7 @@ def find_station_importer(file: Path | str) -> FileImporter | None:
 def find_importer(file: Path | str) -> Importer | None:
     """Find the importer of an extension for a file.
 
-    It is found by the suffix of the file, by the outermost element of an XML file, or by a list that a YAML file has.
+    The suffix of the file decides, the outermost element of an XML file, or a list under a certain key of a YAML file.
 
     Returns None if the core itself reads the file, or if nothing reads such files.
 
@@ -245,8 +250,8 @@ def find_importer(file: Path | str) -> Importer | None:
         return load_importer(key, path) if key else None
     if suffix not in CORE_SUFFIXES:
         return load_importer(suffix, path) if suffix else None
-    # The suffixes of the core are those of XML files, which other tools use, too: the outermost element tells whose
-    # file it is. For the elements that the core reads, load_importer() returns None.
+    # The suffixes of the core are those of XML files, which other tools use, too: the outermost element decides. For
+    # the elements that the core reads, load_importer() returns None.
     element = outermost_element(path)
     return load_importer(f"<{element}>", path) if element else None
 
@@ -254,8 +259,9 @@ def find_importer(file: Path | str) -> Importer | None:
 def _announced_list(path: Path) -> str:
     """Find a key of a YAML file by which an extension announces an importer, such as ``directives:``.
 
-    The value of the key must be a list. Returns an empty text if there is none, or if the file cannot be read.
+    The value of the key must be a list. Returns an empty text if the file has no such key or cannot be read.
     """
+    # Extensions of this project that are not installed count, so that the user can be told to install them.
     names = dict.fromkeys((*additions("importers"), *known_names("importers")))
     announced = [name for name in names if name.endswith(":")]
     lists = keys_of_lists(path, [name.removesuffix(":") for name in announced])
@@ -265,7 +271,7 @@ def _announced_list(path: Path) -> str:
 def load_importer(key: str, file: Path | None = None) -> Importer | None:
     """Load the importer that an extension announces by a suffix or an element.
 
-    Returns None if there is none, or if the core itself reads such files.
+    Returns None if no extension announces one, or if the core itself reads such files.
 
     Args:
         key: the suffix in lower case, the element as ``<element>``, or the key of a list as ``key:``.
@@ -278,6 +284,7 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
     if key in _CORE_NAMES:
         return None
     addition = additions("importers").get(key)
+    # If an extension of this project has the importer, the error says which one to install.
     if addition is None:
         check_provided(
             "importers",
@@ -287,6 +294,7 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
             else str(file),
         )
         return None
+    # The code of an extension is imported here, and not before a file needs it.
     importer: Importer = load_addition_class(addition, Importer)()
     importer.owner = addition.owner
     return importer
@@ -304,6 +312,7 @@ def outermost_element(path: Path) -> str:
         return ""
     found = list[str]()
     parser = expat.ParserCreate()
+    # The beginning of a file is no complete XML, so that a tree cannot be made of it.
     parser.StartElementHandler = lambda name, _: found.append(name)
     with suppress(expat.ExpatError, ValueError):  # an element before a fault of the file counts
         parser.Parse(beginning, False)

@@ -19,6 +19,7 @@ from simrob_drake.robots.urdf import link_of, name_of, pose_of
 TAG = "closing"
 """Tag of the XML element in which the stages of an import pass on a coupling that closes a loop."""
 
+# A coupling of a station holds two links, as a joint of the file does, without being a part of the tree.
 _KINDS = {
     "revolute": "hinge",
     "continuous": "hinge",
@@ -27,9 +28,16 @@ _KINDS = {
     "spherical": "ball",
 }
 """Kind of the coupling that moves as a joint does, by the joint's type."""
-_DEFAULT_AXIS = "1 0 0"  # of the URDF format
-_Z = 2  # index of the axis of its frames about which a hinge turns
-_DIGITS = 9  # decimals of lengths [m] and angles [rad] that are written
+
+_DEFAULT_AXIS = "1 0 0"
+"""Axis of a joint without ``<axis>``, as the URDF format defines it."""
+
+_Z = 2
+"""Index of the axis of its frames about which a hinge of a station turns: z."""
+
+# The products of rotations leave errors of 1e-16 in numbers that the user reads and copies.
+_DIGITS = 9
+"""Count of decimals of lengths [m] and angles [rad] that are written."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +64,7 @@ class LoopCoupling:
     @property
     def entry(self) -> dict[str, Any]:
         """Keys and values of the coupling in a station's section ``couplings``."""
+        # A ball has no orientation, so its places are points.
         key = "point" if self.kind == "ball" else "pose"
         return {
             "kind": self.kind,
@@ -104,6 +113,7 @@ def _numbers(text: str) -> list[float]:
 def _yaml_value(value: Any) -> str:
     """Write a value of a coupling, a text or a list of numbers, in a line of YAML."""
     if isinstance(value, list):
+        # Six digits suffice for a line that is shown. The entry itself keeps all.
         numbers = [f"{number:.6g}" for number in value]
         return f"[{', '.join(numbers)}]"
     return str(value)
@@ -111,6 +121,7 @@ def _yaml_value(value: Any) -> str:
 
 def closing_of_joint(joint: ET.Element) -> LoopCoupling | None:
     """Make the coupling that replaces a joint of a URDF. Returns None if no coupling moves as the joint does."""
+    # A sliding joint, for example, has no coupling of its kind.
     kind = _KINDS.get(joint.get("type", ""))
     if kind is None:
         return None
@@ -146,6 +157,7 @@ def second_parents(robot: ET.Element) -> Iterator[ET.Element]:
     """Yield the joints that give a link a second parent: a joint earlier in the file has the same child link."""
     children = set[str]()
     for joint in robot.iterfind("joint"):
+        # The first joint of the file keeps the link. Which one is better cannot be seen from here.
         child = link_of(joint, "child")
         if child in children:
             yield joint
@@ -154,6 +166,7 @@ def second_parents(robot: ET.Element) -> Iterator[ET.Element]:
 
 def take_closings(robot: ET.Element) -> list[LoopCoupling]:
     """Remove the elements of couplings from a robot, in place, and read the couplings."""
+    # A list, since the elements are removed from the robot that they are found in.
     elements = robot.findall(TAG)
     for element in elements:
         robot.remove(element)

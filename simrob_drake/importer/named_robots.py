@@ -30,13 +30,12 @@ def read_robot(robot: str | Path, options: ImportOptions | None = None) -> Robot
             quoted(robot),
             message("importer.name_or_path", "a name of `simrob list`, or a path"),
         )
+    # The form of the name decides, not whether such a file exists, so that an error is about the right sort of file.
     if is_yaml_name(robot):
         return read_described_robot(Path(robot))
     if is_robot_file(str(robot)) or Path(robot).suffix:
-        # few stations need the importer
-        from simrob_drake.importer.importing import (
-            robot_from_file,
-        )
+        # Imported here because few stations need the importer, which is slow to load.
+        from simrob_drake.importer.importing import robot_from_file
 
         return robot_from_file(robot, options)
     return load_robot(str(robot))
@@ -57,11 +56,9 @@ def read_described_robot(file: Path) -> RobotModel:
     except InvalidModel:
         if robot.urdf is None:
             raise
-        # few stations need the importer
-        from simrob_drake.importer.importing import (
-            robot_from_file,
-        )
+        from simrob_drake.importer.importing import robot_from_file
 
         imported = robot_from_file(robot.urdf_path)
+        # Axes, gains and postures stay those of the YAML file.
         return robot.model_copy(update={"folder": imported.folder, "urdf": imported.urdf})
     return robot

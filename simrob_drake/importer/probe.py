@@ -41,23 +41,26 @@ def probe(file: Path, report: ImportReport) -> None:
 
     Args:
         file: the URDF.
-        report: report of the import, which makes the error.
+        report: report of the import, whose file the error names.
 
     Raises:
-        InvalidModel: Drake refuses the robot, or ends the process; names the element that is the cause, if it is one.
+        InvalidModel: Drake refuses the robot, or ends the process. The error names the element that is the cause, if a
+            single element is.
     """
-    complaint = _complaint(file)
-    if complaint is None:
+    drake_error = _drake_error(file)
+    if drake_error is None:
         return
     raise report.refusal(
         _culprit(file),
         message(
-            "importer.drake_cannot_build", "Drake cannot build it: {complaint}", complaint=complaint
+            "importer.drake_cannot_build",
+            "Drake cannot build the robot: {complaint}",
+            complaint=drake_error,
         ),
     )
 
 
-def _complaint(file: Path) -> str | None:
+def _drake_error(file: Path) -> str | None:
     """Return the error of Drake for a robot, or None if Drake can build it."""
     # With -P, modules in the user's folder do not take the place of others.
     command = [sys.executable, "-P", "-m", "simrob_drake.importer.probe", str(file)]
@@ -67,15 +70,19 @@ def _complaint(file: Path) -> str | None:
         )
     except subprocess.TimeoutExpired:
         return message(
-            "importer.takes_longer", "it takes longer than {patience:g} s", patience=_TIMEOUT
+            "importer.takes_longer",
+            "the process takes longer than {patience:g} s",
+            patience=_TIMEOUT,
         )
     if child.returncode == 0:
         return None
+    # An error that Python catches is on the standard output. One with which Drake ends the process is in its log.
     lines = (child.stdout.strip() or child.stderr.strip()).splitlines()
     if not lines:
         return message(
             "importer.ended_with_code", "the process ended with code {code}", code=child.returncode
         )
+    # The last line is the error, after warnings. The file's name is removed, since the error of the import names it.
     return shortened(lines[-1].removeprefix(f"{file}: "), 300)
 
 
@@ -91,8 +98,10 @@ def _culprit(file: Path) -> str:
         for part_index, part in enumerate(owner):
             if part.tag in _SUSPECTS:
                 suspects.append(_Place(owner_index, part_index))
+    # If Drake cannot build the robot without all suspects either, the cause is somewhere else.
     if not suspects or not _can_build_without(file, robot, suspects):
         return ""
+    # Halving: a robot of a thousand elements needs twenty builds at most.
     while len(suspects) > 1:
         middle = len(suspects) // 2
         first_half = suspects[:middle]
@@ -102,7 +111,8 @@ def _culprit(file: Path) -> str:
         elif _can_build_without(file, robot, second_half):
             suspects = second_half
         else:
-            return ""  # there are two causes, one in each half
+            # There are two causes, one in each half.
+            return ""
     owner = robot[suspects[0].owner]
     part = owner[suspects[0].part]
     return compound("{tag} '{get}' <{tag_2}>", tag=owner.tag, get=owner.get("name"), tag_2=part.tag)
@@ -122,11 +132,16 @@ def _can_build_without(file: Path, robot: ET.Element, places: list[_Place]) -> b
         rest[place.owner].remove(rest[place.owner][place.part])
     with tempfile.NamedTemporaryFile(dir=file.parent, prefix=".probe-", suffix=".urdf") as trial:
         ET.ElementTree(rest).write(trial.name)
-        return _complaint(Path(trial.name)) is None
+        return _drake_error(Path(trial.name)) is None
 
 
 def _build(file: Path) -> None:
-    """Build the robot of a URDF in Drake; raises what Drake raises."""
+    """Build the robot of a URDF in Drake.
+
+    Raises:
+        SimrobError: the URDF has a defect that the reader of robots finds.
+        RuntimeError: Drake refuses the robot.
+    """
     from pydrake.geometry import SceneGraph
     from pydrake.multibody.plant import MultibodyPlant
 
@@ -135,6 +150,7 @@ def _build(file: Path) -> None:
 
     plant = MultibodyPlant(0.0)
     scene_graph = SceneGraph()
+    # With a scene graph, Drake reads the meshes, too, whose defects can end the process as well.
     plant.RegisterAsSourceForSceneGraph(scene_graph)
     add_urdf(plant, with_absolute_meshes(read_urdf(file), file.parent), name="robot", where=file)
     plant.Finalize()

@@ -5,7 +5,9 @@ Nothing is downloaded.
 
 import re
 from importlib import import_module
-from os.path import exists, isdir  # which are false for names that no file can have
+
+# Unlike the methods of Path, these functions are false for names that no file can have.
+from os.path import exists, isdir
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +21,10 @@ from simrob_drake.importer.importer import CORE_SUFFIXES, RobotImporter, load_im
 
 _DESCRIPTION = re.compile(r"[a-z]\w*_description", re.ASCII)
 """Form of the names in ``robot_descriptions``, such as ``ur5e_description``."""
+
 _MODULES = ("_cache", "_repositories", "_descriptions")
 """Modules of ``robot_descriptions`` that are used. They are not public: the public ones download."""
+
 _PATHS = ("URDF_PATH", "MJCF_PATH", "XACRO_PATH")
 """Variables in the module of a description with the path of its main file; each module has one of them."""
 
@@ -38,13 +42,14 @@ def is_robot_file(text: str) -> bool:
     suffix = path.suffix.lower()
     if suffix in CORE_SUFFIXES or _is_description(path):
         return True
+    # Only now extensions are asked. A path without a suffix is the name of a robot of the package.
     return suffix not in ("", *YAML_SUFFIXES) and isinstance(
         load_importer(suffix, path), RobotImporter
     )
 
 
 def _is_description(path: Path) -> bool:
-    """Whether a path stands for a robot of ``robot_descriptions``: it has the form of such a name, and does not exist.
+    """Whether a path is the name of a robot of ``robot_descriptions``: it has its form, and no such file exists.
 
     Only the last part of the path counts, since a station's file gives paths from its own folder. A folder of this name
     is a package of ROS.
@@ -74,6 +79,7 @@ def robot_file(source: object, name: str) -> Path:
         InvalidModel: the robot is not downloaded, or ``robot_descriptions`` is not installed.
     """
     path = as_path(source, name)
+    # Symbolic links are resolved, as meshes are sought from the folder in which the file itself is.
     return _description_file(path.name) if _is_description(path) else path.resolve()
 
 
@@ -89,10 +95,11 @@ def _description_file(name: str) -> Path:
     """
     try:
         cache, repositories, descriptions = _description_modules()
+    # The library is an optional dependency.
     except ImportError as problem:
         text = message(
             "importer.robot_descriptions_needed",
-            "is no file; as a name of robot_descriptions it needs that: pip install robot_descriptions",
+            "is not a file; for robots of robot_descriptions, run `pip install robot_descriptions`",
         )
         raise InvalidModel(Path(name), "", text) from problem
     if name not in descriptions.DESCRIPTIONS:
@@ -104,10 +111,12 @@ def _description_file(name: str) -> Path:
 
     def find_repository(repository: str, commit: str | None = None) -> str:
         """Find the folder of a repository in the cache, in place of ``clone_to_cache``, which would download it."""
+        # The cache has a folder for each repository, and one more for each commit that a description asks for.
         folder_name = repositories.REPOSITORIES[repository].cache_path
         folder = descriptions_cache() / (
             f"{folder_name}-{commit}/{folder_name}" if commit else folder_name
         )
+        # A download is left to the user, and the error has the command.
         if not isdir(folder):
             raise InvalidModel(
                 Path(name),
@@ -133,5 +142,9 @@ def _description_file(name: str) -> Path:
 
 
 def _description_modules() -> list[Any]:
-    """Import the modules of ``robot_descriptions`` that are used; raises ImportError if it is not installed."""
+    """Import the modules of ``robot_descriptions`` that are used.
+
+    Raises:
+        ImportError: ``robot_descriptions`` is not installed.
+    """
     return [import_module(f"robot_descriptions.{module}") for module in _MODULES]

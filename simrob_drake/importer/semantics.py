@@ -20,13 +20,15 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE, link_of, name_of
 
-_FOLDERS = (
-    "",
-    "../srdf",
-    "../config",
-)  # folders in which an SRDF is sought, relative to the robot's file
+_FOLDERS = ("", "../srdf", "../config")
+"""Folders in which an SRDF is sought, relative to the folder of the robot's file."""
+
 _SUFFIXES = (".srdf", ".srdf.xacro")
-_OPEN_STATES = ("open", "opened")  # names of states in which a hand is open, in lower case
+"""Ends of the names of SRDF files."""
+
+_OPEN_STATES = ("open", "opened")
+"""Names of states in which a hand is open, in lower case."""
+
 HOME_STATE = "home"
 """Name of the state that is taken for the robot's home posture."""
 
@@ -101,6 +103,7 @@ def read_semantics(
         # the robot's file. What matters of the SRDF is reported below.
         tree = read_source(file, ImportReport(file), options)
     except InvalidModel as problem:
+        # A file that was found by its name may belong to something else. One that the user names must be right.
         if options.srdf is not None:
             raise
         report.add(
@@ -130,7 +133,7 @@ def read_semantics(
     )
     pairs = message(
         "importer.pairs_that_may_touch",
-        "{count} pairs of links that do not mind each other",
+        "{count} pairs of links whose contacts are ignored",
         count=len(semantics.pairs),
     )
     report.add(
@@ -159,7 +162,8 @@ def _read_states(tree: ET.Element, joints: Container[str], report: ImportReport)
         for joint in state.iterfind("joint"):
             try:
                 value = float(joint.get("value", ""))
-            except ValueError:  # several values, for a joint with several degrees of freedom
+            except ValueError:
+                # There are several values if the joint has several degrees of freedom.
                 continue
             if name_of(joint) in joints:
                 states.setdefault(name_of(state), {})[name_of(joint)] = value
@@ -191,6 +195,7 @@ def _joints_of_group(
         groups: groups of the SRDF, by name.
         joints: joints of the robot, by name.
     """
+    # In a tree, one joint at most leads to each link.
     joint_above = {link_of(joint, "child"): joint for joint in joints.values()}
     found = set[str]()
     visited = set[str]()
@@ -219,7 +224,8 @@ def _joints_of_chain(chain: ET.Element, joint_above: Mapping[str, ET.Element]) -
         joint_above: joint whose child a link is, by the link's name.
     """
     found = set[str]()
-    visited = set[str]()  # the joints of a broken robot may form a loop
+    # The joints of a broken robot may form a loop.
+    visited = set[str]()
     link = chain.get("tip_link", "")
     while link in joint_above and link != chain.get("base_link") and link not in visited:
         visited.add(link)
@@ -240,7 +246,8 @@ def _ignored_pairs(tree: ET.Element, carrier: Mapping[str, str]) -> Iterator[Lin
     """
     for pair in tree.iterfind("disable_collisions"):
         first, second = sorted(carrier.get(pair.get(key, ""), "") for key in ("link1", "link2"))
-        if first and first != second:  # an unknown link, an empty name, is sorted first
+        # An unknown link counts as an empty name, which is sorted first.
+        if first and first != second:
             yield LinkPair(first, second)
 
 
@@ -248,8 +255,13 @@ def add_filters(robot: ET.Element, semantics: Semantics) -> None:
     """Add Drake's collision filter groups to a robot, in place, so that collisions of the pairs do not count.
 
     Each link of a pair has a group of its own, which ignores the groups of other links.
+
+    Args:
+        robot: the ``robot`` element.
+        semantics: content of the SRDF, with the pairs.
     """
     groups = dict[str, ET.Element]()
+    # Sorted, so that imports of the same file write the same text.
     for link in sorted({link for pair in semantics.pairs for link in pair}):
         groups[link] = ET.SubElement(robot, f"{DRAKE}collision_filter_group", name=f"srdf_{link}")
         ET.SubElement(groups[link], f"{DRAKE}member", link=link)
@@ -277,14 +289,17 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
             for joint, value in state.items()
             if joint in units
         }
+    # Only keys that the SRDF determines. The others stay as they are without it.
     entries: dict[str, Any] = {}
+    # The home posture has a key of its own, so it is not one of the others.
     home = postures.pop(HOME_STATE, {})
     if home:
         own_home = robot.home_deg if isinstance(robot.home_deg, dict) else {}
-        # Axes at zero are left out; if all are, a single 0 stands for all axes.
+        # Axes at zero are left out. If all are at zero, a single 0 is written for all axes.
         entries["home_deg"] = {
             axis: value for axis, value in (own_home | home).items() if value
         } or 0.0
+    # A state may name joints that are no axes, such as those of a hand that the robot does not have.
     postures = {name: state for name, state in postures.items() if state}
     if postures:
         entries["postures"] = postures
@@ -304,7 +319,7 @@ def described_by(semantics: Semantics, robot: RobotModel, report: ImportReport) 
             "robot.yaml",
             message(
                 "importer.open_as_srdf_says",
-                "{axes} are open where the SRDF says so",
+                "open and closed positions of {axes} are exchanged, as the SRDF has them",
                 axes=", ".join(swapped),
             ),
         )
@@ -334,6 +349,7 @@ def _swapped_fingers(
     swapped = []
     for axis, position in open_positions.items():
         closed, opened = axes[axis]
+        # The open state need not be at a limit, so the nearer one of the two positions counts.
         if abs(position - closed) < abs(position - opened):
             swapped.append(axis)
     return swapped

@@ -41,7 +41,7 @@ def add_between(
 
     Args:
         robot: the ``robot`` element.
-        free: makes names of links.
+        free: the names of links that are taken, to which the new one is added.
         name: name of the body.
         mass: mass of the body [kg].
         moment: largest moment of inertia of the body [kg m²].
@@ -50,7 +50,9 @@ def add_between(
         the name of the new link.
     """
     link = ET.SubElement(robot, "link", name=free.take(f"{name}_between"))
+    # Equal moments about all axes, as those of a ball, are possible for a body.
     moments = [_SHARE * max(moment, _LEAST)] * 3
+    # The share is so small that the body moves as before.
     set_inertia(link, mass=_SHARE * max(mass, _LEAST), moments=moments, pose=RigidTransform())
     return link.get("name", "")
 
@@ -65,6 +67,7 @@ def take_notes(robot: ET.Element) -> Notes:
     notes: dict[str, dict[str, float]] = {key: {} for key in (HOME, KP, KD)}
     for joint in robot.iterfind("joint"):
         for key, values in notes.items():
+            # Readers of URDFs do not have these attributes, so they are removed before the file is written.
             value = joint.attrib.pop(key, None)
             if value is not None:
                 values[name_of(joint)] = float(value)

@@ -37,7 +37,7 @@ from simrob_drake.programs.stages import check_takes_time
 from simrob_drake.programs.time_optimal import Motors
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.record.run import MoveSpan
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike
 
@@ -53,6 +53,7 @@ class Planner(Planning):
     set.
     """
 
+    # As methods of a class, these functions get the planner as their first argument.
     move_abs_j = plan_move_abs_j
     move_j = plan_move_j
     move_l = plan_move_l
@@ -72,6 +73,7 @@ def _method_that_runs(
     def run(arm: "Arm", /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
         return arm.cell.run(plan(arm.plan, *targets, **how))
 
+    # `wraps` has copied the docstring of the planning function, whose first argument is the planning and not an arm.
     describe(run, plan)
     return run
 
@@ -131,18 +133,20 @@ class Arm(ArmGeometry):
             UnknownName: there is no such station, robot or tool.
             InvalidParameter: the robot has no tool, or a base that moves.
         """
+        # The base class has any station with state. An arm needs a workcell, which records its runs.
         self.cell: Workcell
         super().__init__(workcell_of(station, overrides), robot)
         self.solver = solver
         self.references: list[JointMove] = []
         model = self.cell.model.robots[self.name].model
+        # Kinematics are computed from the world to the tool: a base that moves would move the whole path of the tool.
         if model.base != "fixed":
             raise InvalidParameter(
                 "robot",
                 model.name,
                 message(
                     "programs.robot_on_fixed_base",
-                    "one on a fixed base; LeggedRobot programs those with legs",
+                    "a robot with a fixed base; LeggedRobot programs robots with legs",
                 ),
             )
         if not self.cell.model.robots[self.name].tcp:
@@ -151,12 +155,13 @@ class Arm(ArmGeometry):
                 model.name,
                 message(
                     "programs.robot_with_tool",
-                    "one with a tool frame, under tools: in its robot.yaml",
+                    "a robot with a tool frame, listed under tools in its robot.yaml",
                 ),
             )
         if tool is not None:
             self.tool(tool)
-        _ = self.chain  # raises an error if it has joints that kinematics do not support
+        # Read for its error only: kinematics do not support every kind of joint, and a move is too late for the error.
+        _ = self.chain
 
     def _description(self) -> list[str]:
         """Parts of the text that `repr` returns, with the pose of the tool."""
@@ -211,6 +216,7 @@ class Arm(ArmGeometry):
         Raises:
             SimrobError: the move has a wrong key or value, or cannot be done.
         """
+        # A move returns what its `run` function returns. Its type is not known there.
         return cast(
             SimulationResult | None,
             move_from(move).perform(self.cell, self.name, self.cell.run_plans),
@@ -272,6 +278,7 @@ class Arm(ArmGeometry):
         pose: PoseLike | None = None,
     ) -> None:
         """Attach a piece to the present tool of the arm, or to another ``parent``; see :meth:`Workcell.attach`."""
+        # The tool in use may be a piece that the robot carries, so only the station can find it.
         if parent is None:
             self.cell.take(piece, self.name, frame=frame, pose=pose)
         else:
@@ -287,8 +294,10 @@ class Arm(ArmGeometry):
         Raises:
             SimrobError: see :meth:`move_abs_j`. The postures are checked as a move from where the arm is.
         """
+        # The plan is not run: planning checks limits and collisions.
         self.plan.move_abs_j(targets)
         rows = np.atleast_2d(self.chain.postures(targets, "targets"))
+        # Cells are stored as in a program's file: in degrees, or in metres for axes that slide.
         values = rows / self.cell.robot(self.name).model.user_units
         self.references += [
             move_of(dict(zip(self.axes, row.tolist(), strict=True)), duration) for row in values
@@ -313,17 +322,20 @@ class Arm(ArmGeometry):
                 :meth:`LeggedRobot.simulate`.
             strict: whether a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`.
         """
+        # The name of a station, or its file, is loaded first, so that its errors come before any run.
         config = None if station is None else Workcell(station).config
         if automatic is False:
             return self.cell.simulate(config, duration=duration, strict=strict)
+        # Each cell lasts until its posture is reached: no duration can be kept.
         if duration is not None:
             raise Unsuitable(
                 "duration",
                 message(
                     "programs.automatic_robot_times",
-                    "an automatic robot takes the time of its own references",
+                    "an automatic program lasts as long as its references",
                 ),
             )
+        # Another workcell runs the cells, so that this arm stays where it is.
         other = Workcell(self.cell.config if config is None else config)
         other.progress = self.cell.progress
         other.strict = self.cell.strict or strict
@@ -358,13 +370,16 @@ def workcell_of(
     """
     if not isinstance(station, Workcell):
         return Workcell(station, overrides)
+    # A workcell has a state already. Other values would need another one.
     if overrides:
         raise Unsuitable(
             "overrides",
-            message("programs.given_with_workcell", "given with a workcell"),
+            message(
+                "programs.given_with_workcell", "the workcell is loaded already, without overrides"
+            ),
             message(
                 "programs.overrides_of_workcell",
-                "given to the workcell: Workcell(station, overrides)",
+                "give them to the workcell: Workcell(station, overrides)",
             ),
         )
     return station
@@ -414,7 +429,7 @@ class Workcell(RecordedStation):
             program,
             "program",
             (Program, Path, str),
-            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+            message("programs.a_program_or_yaml", "a Program or the path of its YAML file"),
         )
         if isinstance(program, Program):
             loaded = program
@@ -426,9 +441,10 @@ class Workcell(RecordedStation):
         trial = Workcell(self.config)
         trial.state = self.state
         trial.rehearse(loaded, file)
-        # Restored if a move fails.
+        # What is restored if a move fails.
         config = self.config
         state = self.state
+        # The state and the configuration are never changed in place: references to them are enough. The tape is.
         entries = list(self.tape.entries)
         try:
             with following(self, loaded.grid, loaded.changes):
@@ -438,8 +454,11 @@ class Workcell(RecordedStation):
             self.state = state
             self.tape.entries = entries
             raise
+        # The result is saved with the station in which it began, so its program refers to that file.
         text = loaded.on(STATION).text()
-        return joined(runs, begun=(config, state), left=self.config, program=text, move_spans=spans)
+        return join_runs(
+            runs, begun=(config, state), left=self.config, program=text, move_spans=spans
+        )
 
     def rehearse(self, program: Program, file: str = "") -> tuple[int, float]:
         """Check that arms can do a program, as far as this can be known without a run.
@@ -462,7 +481,7 @@ class Workcell(RecordedStation):
         check_takes_time(
             program.moves,
             file or message("programs.the_program", "the program"),
-            message("programs.program_with_moves", "one with moves, such as move_abs_j"),
+            message("programs.program_with_moves", "add one, such as move_abs_j"),
         )
         released: set[str] = set()  # free pieces whose place the moves before have changed
         dropped: set[str] = set()  # free pieces that fingers released in the air
@@ -478,10 +497,12 @@ class Workcell(RecordedStation):
             depends_on_run = isinstance(move, PlayMove) or not released.isdisjoint(move.pieces())
             # A dropped piece is anywhere below: any motion may run into it.
             may_meet_dropped = bool(dropped) and move.takes_time
+            # What comes then is checked when it runs, from the state that the run has left.
             if depends_on_run or may_meet_dropped:
                 return number, total_time
             with naming(move_name(number, len(program.moves), file)):
                 total_time += move.perform(self, program.robot, stand) or 0.0
+            # Every move that names a free piece may have moved it: a later one would need its new place.
             released |= {name for name in self.config.free_pieces if name in move.pieces()}
         return len(program.moves), total_time
 
@@ -501,14 +522,17 @@ class Workcell(RecordedStation):
             try:
                 with naming(move_name(number, len(program.moves), file)):
                     run = move.perform(self, program.robot, self.run_plans)
+            # A piece that has slipped out of fingers lies where no plan expected it. The message then names this
+            # cause.
             except PathCollision as problem:
                 _explain_by_lost_piece(problem, runs)
                 raise
             begin = now
             if run is not None:
                 now = begin + run.stop_time
-                runs.append(run.numbered(number) if is_named else run)
+                runs.append(run.with_move_number(number) if is_named else run)
             spans.append(MoveSpan(index=number, begin=begin, end=now, is_named=is_named))
+            # A monitor or the user has ended the run: the moves that follow would begin elsewhere.
             if run is not None and run.ending != "completed":
                 break
         return runs, spans
@@ -549,6 +573,7 @@ def _explain_by_lost_piece(problem: PathCollision, runs: Sequence[SimulationResu
         problem: the error of the move. It stays as it is if the obstacle is something else.
         runs: the runs of the moves before.
     """
+    # The most recent loss explains the collision best: a piece can be lost, gripped and lost again.
     for run in reversed(runs):
         for measure in run.verdict.measures:
             is_lost = measure.criterion.name == "lost_piece" and measure.warning

@@ -158,7 +158,7 @@ class Branches:
         postures = []
         for positions in product(*choices):
             held_positions = dict(zip(held, positions, strict=True))
-            # those of the only target
+            # The search takes several targets and gives a list for each: here there is one.
             postures.append(branches(chain, target, start, held_positions)[0])
         found = [evaluate(posture) for posture in np.concatenate(postures)]
         return cls(chain, tuple(sorted(found, key=lambda branch: not branch.usable)))
@@ -179,10 +179,10 @@ class Branches:
         header = [
             "",
             *self.chain.names,
-            message("programs.of_torque_limit", "of the torque limit"),
-            message("programs.room_to_limit", "room to a limit"),
-            "gap",
-            message("programs.would_be_in", "would be in"),
+            message("programs.of_torque_limit", "share of the torque limit"),
+            message("programs.room_to_limit", "distance to a limit"),
+            message("programs.gap", "distance to others"),
+            message("programs.would_be_in", "collision"),
         ]
         rows = [header, *(self._row(branch) for branch in self.found)]
         widths = [max(len(cell) for cell in column) for column in zip(*rows, strict=True)]
@@ -208,7 +208,7 @@ class Branches:
         gap = (
             message(
                 "programs.gap_to_other",
-                "{distance:.0f} mm {body} to {other}",
+                "{distance:.0f} mm from {body} to {other}",
                 distance=1e3 * branch.gap.distance,
                 body=branch.gap.body,
                 other=branch.gap.other,

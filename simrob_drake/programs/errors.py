@@ -30,6 +30,7 @@ class JointLimitExceeded(SimrobError):
                 position=shown,
             )
         )
+        # Numbers for programs that react to the error: the message has them in the units of the user.
         self.axis = axis
         self.point = point
         self.time = time
@@ -81,13 +82,15 @@ class _TooFast(SimrobError):
 class SpeedLimitExceeded(_TooFast):
     """Raised when a joint would move faster than it can."""
 
+    # The message continues with the speed: "waist would move at 120.0 deg/s".
     _word = message("programs.move_at", "move at")
 
 
 class AccelerationLimitExceeded(_TooFast):
     """Raised when a joint would speed up or slow down more than it can."""
 
-    _word = message("programs.be_sped_up_by", "be sped up by")
+    # The message continues with the acceleration.
+    _word = message("programs.be_sped_up_by", "accelerate at")
 
 
 class TorqueLimitExceeded(SimrobError):
@@ -113,6 +116,7 @@ class TorqueLimitExceeded(SimrobError):
                 torque=shown,
             )
         )
+        # The torque belongs to the posture at rest: no slower move needs less.
         self.axis = axis
         self.point = point
         self.time = time
@@ -130,9 +134,10 @@ class BrokenPath(SimrobError):
 
     def __init__(self, where: str, axis: str, *, point: int, jump: float, shown: str) -> None:
         """Make the error. The argument `shown` is the jump with its unit."""
+        # Two postures near a singular one reach nearly the same pose, and are far from each other.
         advice = message(
             "programs.singular_path",
-            "the path leads through a singular posture; go there by move_j, or take another way",
+            "the path passes through a singular posture; use move_j, or another path",
         )
         super().__init__(
             message(
@@ -163,10 +168,12 @@ class PathCollision(SimrobError):
         self, where: str, *, point: int, time: float, bodies: tuple[str, str], depth: float
     ) -> None:
         """Make the error; see the attributes of the class."""
+        # Depths are a few millimetres, so messages show millimetres. The attribute stays in metres.
         super().__init__(
             message(
                 "programs.would_run_into",
-                "{where}: {body} would run into {other}, {depth:.1f} mm deep; `check: limits` in the move allows it",
+                "{where}: {body} would collide with {other}, {depth:.1f} mm deep; "
+                "`check: limits` in the move leaves out this check",
                 where=where,
                 body=bodies[0],
                 other=bodies[1],
@@ -179,7 +186,7 @@ class PathCollision(SimrobError):
         self.depth = depth
 
     def add_lost_piece(self, piece: str, move: str) -> None:
-        """Add to the message that fingers lost a piece before, which is likely what the robot would run into.
+        """Add to the message that fingers lost a piece before, which is likely the obstacle.
 
         Args:
             piece: name of the piece.
@@ -192,6 +199,7 @@ class PathCollision(SimrobError):
             piece=piece,
             move=move,
         )
+        # `str()` of an exception and its traceback show the arguments, not the attribute.
         self.args = (self.message,)
 
 
@@ -209,14 +217,15 @@ class StartInCollision(NoFreePath):
 
     def __init__(self, depth: float, bodies: tuple[str, str]) -> None:
         """Make the error; see the attributes of the class."""
+        # A search needs a free start. These moves follow a path that the user sees, and may begin in a collision.
         remedy = message(
             "programs.go_out_with_limits",
-            "go out of it by move_l or move_abs_j with `check: limits`",
+            "leave the collision by move_l or move_abs_j with `check: limits`",
         )
         super().__init__(
             message(
                 "programs.start_in_collision",
-                "the start: {body} is {depth:.1f} mm deep in {other}; {remedy}",
+                "the start is in collision: {body} overlaps {other} by {depth:.1f} mm; {remedy}",
                 body=bodies[0],
                 depth=1e3 * depth,
                 other=bodies[1],
@@ -245,12 +254,15 @@ class GoalInCollision(NoFreePath):
             bodies: names of the two bodies, the moving one first.
         """
         has_several = count > 1
-        which = message("programs.the_only_posture", "the only posture")
+        # One posture has one collision. Of several postures, the message describes the collision that is least deep.
+        which = message("programs.the_only_posture", "the only posture that reaches it")
         if has_several:
-            which = message("programs.all_postures", "all {count} postures", count=count)
+            which = message(
+                "programs.all_postures", "all {count} postures that reach it", count=count
+            )
         overlap = message(
             "programs.would_be_deep_in",
-            "{body} would be {depth:.1f} mm deep in {other}",
+            "{body} would overlap {other} by {depth:.1f} mm",
             body=bodies[0],
             depth=1e3 * depth,
             other=bodies[1],
@@ -258,11 +270,11 @@ class GoalInCollision(NoFreePath):
         super().__init__(
             message(
                 "programs.target_in_collision",
-                "{target} is in collision with {which} there: {found}{at_best}",
+                "{target} is in collision in {which}: {found}{at_best}",
                 target=target,
                 which=which,
                 found=overlap,
-                at_best=message("programs.at_best", " at best") if has_several else "",
+                at_best=message("programs.at_best", " in the best of them") if has_several else "",
             )
         )
         self.bodies = bodies

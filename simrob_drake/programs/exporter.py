@@ -109,10 +109,12 @@ class ProgramExporter(Exporter, ABC):
 def all_exporters() -> dict[str, Exporter | SimrobError]:
     """Find all exporters by the name of their format.
 
-    In place of an exporter that cannot be used there is the error that says why. This includes the formats of this
+    An exporter that cannot be used is replaced by the error with the reason. This includes the formats of this
     project's own extensions if such an extension is missing.
     """
     found: dict[str, Exporter | SimrobError] = {}
+    # Names of this project's own formats are listed even if their extension is not installed: the help then has the
+    # reason.
     for name in dict.fromkeys((*additions("exporters"), *known_names("exporters"))):
         try:
             found[name] = load_exporter(name)
@@ -131,18 +133,22 @@ def load_exporter(name: str) -> Exporter:
     """
     addition = additions("exporters").get(name)
     if addition is None:
+        # A format of this project whose extension is missing has its own error, with the command that installs it.
         check_provided(
             "exporters", name, message("programs.the_format", "the format {name}", name=name)
         )
-        known = ", ".join(additions("exporters")) or message(
-            "programs.no_format", "none, since no extension adds one"
-        )
-        raise InvalidParameter(
-            "format", name, message("programs.one_of", "one of: {known}", known=known)
-        )
-    exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
-    if not issubclass(exporter_class, StationExporter | ProgramExporter):
+        known = ", ".join(additions("exporters"))
         expected = message(
+            "programs.no_format", "a format of an installed extension, and none is installed"
+        )
+        if known:
+            expected = message("programs.one_of", "one of: {known}", known=known)
+        raise InvalidParameter("format", name, expected)
+    # The extension's module is imported only now, when a user asks for its format.
+    exporter_class: type[Exporter] = load_addition_class(addition, Exporter)
+    # The common base class has no method that exports.
+    if not issubclass(exporter_class, StationExporter | ProgramExporter):
+        expected_class = message(
             "programs.an_exporter_class", "a subclass of StationExporter or ProgramExporter"
         )
         raise BrokenExtension(
@@ -151,14 +157,15 @@ def load_exporter(name: str) -> Exporter:
                 "{owner}: {target} must be {expected}",
                 owner=addition.owner,
                 target=addition.target,
-                expected=expected,
+                expected=expected_class,
             )
         )
+    # A format `my-csv` would become an option that Python cannot take as a keyword.
     if not name.isidentifier():
         raise BrokenExtension(
             message(
                 "programs.format_must_be_word",
-                "{owner}: the format {name} must be a word, which becomes an option",
+                "{owner}: the format {name} must be a Python identifier, because it becomes an option",
                 owner=addition.owner,
                 name=repr(name),
             )

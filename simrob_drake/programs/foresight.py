@@ -47,6 +47,7 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
         time: duration of the moves [s].
     """
     references = {robot: cell.reference(robot) for robot in cell.config.robots}
+    # A run may be shorter than a move: then the robot ends in the middle of it.
     for plan in plans:
         end = min(time, plan.duration)
         references[plan.robot] = plan.postures(np.array([end]))[0]
@@ -55,6 +56,7 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
     after = replace(before, positions=references, velocities=at_rest, references=references)
 
     has_fingers = any(cell.robot(name).model.fingers for name in cell.config.robots)
+    # Only fingers and free pieces need the collision model, which takes time to build.
     if not (has_fingers and cell.config.free_pieces):
         return Foresight(after, frozenset())
 
@@ -68,6 +70,7 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
     joints = {**before.joints, **_joints_of(model, carried)}
     after = replace(after, positions=positions, joints=joints)
 
+    # A piece that was put down on something stays there. Where a piece without support comes to rest is not known.
     released = held_before.keys() - carried
     dropped = frozenset(piece for piece in released if not _is_supported(cell, after, piece))
     return Foresight(after, dropped)
@@ -77,6 +80,7 @@ def _opens(cell: StatefulStation, robot: str, reference: Vector) -> bool:
     """Whether fingers are wider open at a reference (n,) [rad or m] than they are now."""
     now = cell.position(robot)
     for axis, (closed, opened) in cell.robot(robot).model.fingers.items():
+        # The open position of a finger may be the larger or the smaller one.
         direction = np.sign(opened - closed)
         if direction * (reference[axis] - now[axis]) > _ROUNDING:
             return True
@@ -104,6 +108,7 @@ def _positions_with_grips(
         fingers = list(cell.robot(robot).model.fingers)
         if not fingers or _opens(cell, robot, reference):
             continue
+        # Fingers that hold a piece stay where it stops them. Fingers that close stop at the first piece.
         stopped: Vector | None = None
         if robot in holding:
             stopped = cell.position(robot)
@@ -146,6 +151,7 @@ def _is_supported(cell: StatefulStation, state: State, piece: str) -> bool:
     model = cell.collision_model
     model.place_state(state, state.positions.__getitem__, state.references.__getitem__)
     body = model.station.free_pieces[piece]
+    # A piece that rests on a table does not overlap with it. It does when it is a little lower.
     lowered = RigidTransform(np.array([0.0, 0.0, -_SUPPORT_DISTANCE])) @ model.pose(
         body.body_frame()
     )

@@ -38,20 +38,15 @@ _LOOK = 0.02  # distance between the postures that a search checks [m]
 _LONGEST_BRANCH = 1.0  # length of the longest branch of a search tree [m]
 _STRAIGHT_TRIES = 8  # count of goals to which a straight line is tried first
 _DEGREE = 5  # degree of the spline that rounds corners
-_SPACINGS = (
-    0.2,
-    0.1,
-    0.05,
-    0.02,
-)  # distances between the spline's control points, tried in this order [m]
+# Distances between the spline's control points, tried in this order [m]: the widest one gives the smoothest path.
+_SPACINGS = (0.2, 0.1, 0.05, 0.02)
 _LEAST_LEVER = 0.1  # least distance that a radian counts [m]: the radius of an arm that turns about its own axis
 _SAMPLES = 100  # count of random postures from which the motion of a tool is estimated
 _NO_POINTS = np.zeros((0, 3))
 _ROUNDING = 1e-9  # [m]
 _FROM_START = 1  # tag by which OMPL marks the postures of the tree that grows from the start
-_CORNER_SIGNS = np.array(
-    [*product((-1.0, 1.0), repeat=3)]
-)  # corners of a box with half widths of 1, shape (8, 3)
+# Corners of a box with half widths of 1, shape (8, 3).
+_CORNER_SIGNS = np.array([*product((-1.0, 1.0), repeat=3)])
 
 
 @dataclass(eq=False)
@@ -60,17 +55,19 @@ class FreeSpace:
 
     The station's collision policy decides what counts as a collision, and by which tolerances. The robots move with
     the pieces that they carry; all other robots stand still.
+
+    Attributes:
+        model: the station with collision shapes, and its robots in their present postures.
+        start: start posture of each robot that moves, by name, shape (n,) [rad or m].
+        hit_counts: how often a search collided with each body, by name.
     """
 
-    model: (
-        StationModel  # the station with collision shapes, and its robots in their present postures
-    )
-    start: Mapping[str, Vector]  # start posture of each robot that moves, (n,) [rad or m], by name
-    # how often a search collided with each body, by name
+    model: StationModel
+    start: Mapping[str, Vector]
     hit_counts: Counter[str] = field(default_factory=Counter)
-    # overlap [m] that each pair of bodies may keep, because the pair touches at the start
+    # Overlap [m] that each pair of bodies may keep, because the pair touches at the start.
     _depths_at_start: Mapping[Bodies, float] = field(default_factory=dict)
-    # pairs of bodies that nearly touch at a goal: the search uses their whole tolerance
+    # Pairs of bodies that nearly touch at a goal: the search uses their whole tolerance.
     _close_at_goal: set[Bodies] = field(default_factory=set)
 
     def __post_init__(self) -> None:
@@ -83,6 +80,7 @@ class FreeSpace:
         # Indices at which the joined posture of all robots is split into one for each robot.
         axis_counts = [len(posture) for posture in self.start.values()]
         self._split_indices = np.cumsum(axis_counts)[:-1]
+        # Robots that do not move are already in their postures in the model.
         self.model.place_robots(self.start)
         self._depths_at_start = self.model.policy.allowed_from_start(self.start)
         # The deepest overlap is first.
@@ -189,7 +187,7 @@ def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
     largest_speeds = np.linalg.norm(velocities, axis=2).max(axis=0)  # (points, n)
     # An axis through the tool centre point does not move it, but it moves the arm around the axis.
     largest_speeds[0] += _LEAST_LEVER * chain.revolute
-    # a finger does not move the tool
+    # A finger does not move the tool, but its motion has to count, too.
     return np.asarray(np.maximum(largest_speeds.max(axis=0), _LEAST_LEVER))
 
 
@@ -224,16 +222,23 @@ class Search:
     """A search for a path of robots that move at the same time.
 
     A posture (n,) contains the axes of all these robots, one robot after the other.
+
+    Attributes:
+        space: decides which postures are free of collisions.
+        lower: lower limits of the axes, shape (n,) [rad or m].
+        upper: upper limits of the axes, shape (n,) [rad or m].
+        scale: metres that one radian (or metre) of each axis counts, shape (n,), see :func:`metres_per_radian`.
+        seed: seed of the random numbers. Two searches with the same seed find the same path, if both have enough time.
+        seconds: longest duration of the search [s].
+        branches: pairs of postures that the search trees connect, shape (k, 2, n).
     """
 
-    space: FreeSpace  # decides which postures are free of collisions
-    # limits of the axes, each (n,) [rad or m]
+    space: FreeSpace
     lower: Vector
     upper: Vector
-    scale: Vector  # metres that one radian (or metre) of each axis counts, shape (n,), see :func:`metres_per_radian`
-    seed: int  # two searches with the same seed find the same path, if both have enough time
-    seconds: float  # longest duration of the search [s]
-    # pairs of postures that the search trees connect, shape (k, 2, n)
+    scale: Vector
+    seed: int
+    seconds: float
     branches: Vector = field(init=False)
 
     def __post_init__(self) -> None:
@@ -254,7 +259,8 @@ class Search:
         start = self.space.posture
         for goal in goals[:_STRAIGHT_TRIES]:
             line = np.array([start, goal])
-            postures = self._between(line, _LOOK)[1:]  # the start itself is free
+            # The start itself is free: `FreeSpace` has checked it.
+            postures = self._interpolate(line, _LOOK)[1:]
             if not any(self.space.collides(posture) for posture in postures):
                 return line
         return self._search_corners(start, goals)
@@ -270,13 +276,15 @@ class Search:
             NoFreePath: even the spline nearest to the lines collides.
         """
         path_length = self.length(corners)
-        if path_length < _ROUNDING:  # the goal is the start: the path stays there
+        # The goal is the start: the path stays there.
+        if path_length < _ROUNDING:
             count = 2 * _DEGREE
             return TimelessPath(np.linspace(0.0, 1.0, count), corners[:1].repeat(count, axis=0))
         hit: Overlap | None = None
         for spacing in _SPACINGS:
             # Even a short path has enough control points for a spline of this degree.
-            control_points = self._between(corners, min(spacing, path_length / (2 * _DEGREE)))
+            widest = path_length / (2 * _DEGREE)
+            control_points = self._interpolate(corners, min(spacing, widest))
             # Repeated knots at both ends let the spline begin and end at the ends of the path.
             inner_knots = np.linspace(0.0, 1.0, len(control_points) - _DEGREE + 1)
             knots = np.concatenate([np.zeros(_DEGREE), inner_knots, np.ones(_DEGREE)])
@@ -286,12 +294,13 @@ class Search:
             hit = self._first_hit(postures)
             if hit is None:
                 return TimelessPath(self.length_fractions(postures), postures)
-        assert hit is not None  # the last attempt ended in a collision
+        # The last attempt ended in a collision: otherwise its path was returned.
+        assert hit is not None
         one, other = hit.moved
         raise NoFreePath(
             message(
                 "programs.way_leads_into",
-                "the way that was found leads {one} {depth:.1f} mm into {other}: try another seed",
+                "on the path that was found, {one} overlaps {other} by {depth:.1f} mm; try another seed",
                 one=one,
                 depth=1e3 * hit.depth,
                 other=other,
@@ -322,11 +331,12 @@ class Search:
         """Distance of each posture of a path (k, n) to the next one, shape (k - 1,) [m]."""
         return np.asarray(np.linalg.norm(np.diff(postures * self.scale, axis=0), axis=1))
 
-    def _between(self, corners: Vector, step: float) -> Vector:
-        """Postures (k, n) on the straight lines between corners (c, n), at most a step [m] apart."""
+    def _interpolate(self, corners: Vector, step: float) -> Vector:
+        """Compute postures (k, n) on the straight lines between corners (c, n), at most a step [m] apart."""
         lines = [corners[:1]]
         for distance, (begin, end) in zip(self._distances(corners), pairwise(corners), strict=True):
             step_count = int(np.ceil(distance / step))
+            # Each line leaves its first posture out: the line before ends in it.
             fractions = np.linspace(0.0, 1.0, step_count + 1)[1:, np.newaxis]
             lines.append(begin + fractions * (end - begin))
         return np.vstack(lines)
@@ -359,7 +369,8 @@ class Search:
         with needed("move_free", "plan"):
             from ompl import base, geometric, util
         util.setLogLevel(util.LOG_NONE)
-        util.RNG.setSeed(self.seed + 1)  # OMPL does not accept the seed 0
+        # OMPL does not accept the seed 0.
+        util.RNG.setSeed(self.seed + 1)
         info = base.SpaceInformation(self._scaled_space(np.vstack([start, goals])))
         info.setStateValidityChecker(lambda state: not self.space.collides(self._posture(state)))
         info.setup()
@@ -394,6 +405,7 @@ class Search:
         branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
 
         path = problem.getSolutionPath()
+        # A tree wanders: its path has corners that a straight line between later ones makes needless.
         simplifier = geometric.PathSimplifier(info)
         simplifier.reduceVertices(path)
         simplifier.ropeShortcutPath(path)
@@ -451,7 +463,7 @@ class Search:
         row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
         nearest = message(
             "programs.nearest_goal",
-            "{goal} of {count} is nearest, with a motion of {gap:.2g} m left",
+            "{goal} of {count}, with {gap:.2g} m of motion left",
             goal=goal + 1,
             count=len(goals),
             gap=gaps[row, goal],
@@ -463,7 +475,7 @@ class Search:
         return NoFreePath(
             message(
                 "programs.no_free_way",
-                "no free way was found in {seconds:g} s: of the goals number {nearest}; in the way: {obstacles}",
+                "no free path was found in {seconds:g} s; the nearest goal is number {nearest}; obstacles: {obstacles}",
                 seconds=self.seconds,
                 nearest=nearest,
                 obstacles=obstacles,

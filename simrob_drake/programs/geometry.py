@@ -36,6 +36,7 @@ class CellRobot:
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Set an attribute, but refuse to replace a method: users of SimRob write `robot.tool = ...` by mistake."""
+        # The assignment would hide the method without any message, and no tool would change.
         if callable(getattr(type(self), name, None)):
             raise AttributeError(
                 message(
@@ -103,6 +104,7 @@ class CellRobot:
         Returns:
             [x y z Rz Ry Rx], shape (6,), or (k, 6) for several postures.
         """
+        # A single posture gives a single pose, not an array of one.
         rows = self.position if q is None else q
         poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
         return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
@@ -135,6 +137,8 @@ class ArmGeometry(CellRobot):
 
     def frame(self, wobj: WorkObject = None) -> RigidTransform:
         """Pose of a work object in the world; see :class:`Arm`. The arm's own name means the tool at its reference."""
+        # A move begins at the reference: targets in the tool's own frame are measured from there, not from where
+        # servos sag.
         if wobj is self or (isinstance(wobj, str) and wobj == self.name):
             return as_transform(self.chain.forward(self.reference)[0])
         return self.cell.frame(wobj)
@@ -176,6 +180,7 @@ class ArmGeometry(CellRobot):
         """
         chain = self.chain
         begin = self.position if start is None else start
+        # A place keeps the orientation of the tool as it is now.
         orientation = chain.forward(self.position)[0, :3, :3]
         targets = world_poses(pose, self.frame(wobj), orientation, "pose")
         chosen = solver_for(chain, self.solver if solver is None else solver)
@@ -217,9 +222,10 @@ class ArmGeometry(CellRobot):
                 message("base.one_pose", "one pose"),
             )
         gains = self.cell.robot(self.name).gains
-        # a passive axis has no motor to overload
+        # A passive axis has no motor to overload: an infinite limit makes its load 0.
         limit = np.where(gains.passive, np.inf, gains.limit_at_rest)
         model = self.cell.collision_model
+        # Made once: it finds which pairs of shapes count, which takes several postures.
         gap = gaps(model, self.name, chain)
 
         def branch_at(q: Vector) -> Branch:
@@ -269,9 +275,8 @@ class ArmGeometry(CellRobot):
 # Largest motion of a foot that stays where it is. Soles that sink into the ground are a little tilted.
 _FOOT_MOVES = 1e-4  # [m]
 _FOOT_TURNS = 1e-3  # [rad]
-_AXES_OF_BALL_LEG = (
-    3  # a leg with at most so many axes ends in a ball, which may turn on the ground
-)
+# A leg with at most so many axes ends in a ball, which may turn on the ground.
+_AXES_OF_BALL_LEG = 3
 
 # Weights of x, y, z and of the rotations about them in the inverse kinematics.
 _WHOLE_POSE = (1.0, 1.0, 1.0, 1.0, 1.0, 1.0)
@@ -313,12 +318,14 @@ class LeggedGeometry(CellRobot):
         """
         model = self.cell.model
         robot = model.robots[self.name]
+        # The trunk is no tool, but the frame from which the limbs begin.
         start = robot.root if base == "trunk" else robot.tools[self._tool(base)]
         return model.chain(self.name, robot.tools[self._tool(tool)], start)
 
     def trunk_chain(self) -> Chain:
         """Chain of the axes, with their limits, for checks that need no tool."""
         model = self.cell.model
+        # The chain ends at the root, and so has no path of its own. Its limits are those of all axes.
         return model.chain(self.name, model.robots[self.name].root)
 
     def pose(self, tool: str, q: npt.ArrayLike | None = None, frame: str = "world") -> Vector:
@@ -396,7 +403,7 @@ class LeggedGeometry(CellRobot):
 
         Raises:
             InvalidParameter: the robot has no feet, or is held.
-            Unreachable: a tool cannot be where it shall be. The message names it. Legs without roll or yaw let the
+            Unreachable: a tool cannot reach its target. The message names the tool. Legs without roll or yaw let the
                 trunk go up, down, ahead and back only.
             UnknownName: there is no such tool.
         """
@@ -405,13 +412,10 @@ class LeggedGeometry(CellRobot):
             raise InvalidParameter(
                 "robot",
                 self.model.name,
-                message(
-                    "programs.robot_on_own_feet", "one on its own feet, to move its trunk over them"
-                ),
+                message("programs.robot_on_own_feet", "a robot that stands on its own feet"),
             )
-        to_trunk = as_transform(
-            trunk
-        ).inverse()  # from the world to the frame of the trunk at its new pose
+        # From the world to the frame of the trunk at its new pose.
+        to_trunk = as_transform(trunk).inverse()
         posture = self.reference if start is None else one_posture(start, len(self.axes), "start")
         for foot in feet:
             foot_in_trunk = as_transform(self.pose(foot, frame="trunk"))
@@ -436,6 +440,7 @@ class LeggedGeometry(CellRobot):
         robot = self.cell.robot(self.name)
         links = [] if robot.feet is None else robot.feet.links
         plant = self.cell.model.plant
+        # A tool may be another frame of the foot's body than the link itself: bodies are compared, not names.
         bodies = [plant.GetFrameByName(link, robot.instance).body().index() for link in links]
         return [name for name, frame in robot.tools.items() if frame.body().index() in bodies]
 
@@ -466,6 +471,7 @@ class LeggedGeometry(CellRobot):
         reference = self.reference
         targets = {}
         for index, axis in enumerate(self.axes):
+            # An axis that the inverse kinematics left alone has exactly its reference. It needs no target.
             if target[index] != reference[index]:
                 targets[axis] = float(degrees[index])
         return targets
@@ -481,6 +487,7 @@ class LeggedGeometry(CellRobot):
             UnknownName: the robot has no such tool.
         """
         known = self.cell.robot(self.name).tools
+        # A value of another type cannot be looked up, and gets the same message.
         if not isinstance(tool, str) or tool not in known:
             raise UnknownName(
                 message("base.tool_of", "tool of {model}", model=self.model.name),

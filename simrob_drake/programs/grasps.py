@@ -11,7 +11,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 from pydrake.multibody.tree import Frame
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
@@ -56,6 +56,7 @@ def take_piece(
     """
     changed = reparent_piece(model, piece, parent, frame=frame)
     is_piece = parent in model.resolved.pieces
+    # Only robots have to be near: a piece that is put on another piece or into the world stays where it is.
     carrier = model.resolved.pieces[parent].carrier if is_piece else parent
     if carrier not in model.robots:
         return changed
@@ -70,24 +71,23 @@ def take_piece(
     # ... and from the shapes of a link that is no tool.
     if parent in model.robots and frame in model.links(parent):
         holders += _boxes_on(model, mount)
+    # Any point of the piece may be taken: its shapes count, and so do its origin and its tool centre point.
     distance = min(
         _distance(holder, box) for holder, box in product(holders, _boxes_of(model, piece))
     )
     if distance > REACH:
-        where = message(
+        problem = message(
             "programs.away_from_frame",
-            "{distance:.0f} mm away from {frame}",
+            "it is {distance:.0f} mm away from {frame}, which takes pieces within {reach:g} mm",
             distance=1e3 * distance,
             frame=frame or parent,
+            reach=1e3 * REACH,
         )
         remedy = message(
             "programs.within_reach",
-            "within {reach:g} mm: move there first, or give its pose there, to which it then jumps",
-            reach=1e3 * REACH,
+            "move there first, or set pose, the pose of the piece after it is attached",
         )
-        raise InvalidParameter(
-            message("programs.piece_to_take", "{piece}, to be taken,", piece=piece), where, remedy
-        )
+        raise Unsuitable(piece, problem, remedy)
     return changed
 
 
@@ -115,51 +115,52 @@ def release_piece(
         InvalidParameter: no robot or piece holds the piece; or it would fall forever, or cannot fall without a mass.
         SimrobError: see :func:`reparent_piece`.
     """
-    subject = message("programs.piece_to_release", "{piece}, to be let go,", piece=piece)
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
-        raise InvalidParameter(
-            subject,
-            message("programs.held_by_nothing", "held by nothing"),
-            message("programs.piece_that_hangs", "a piece that hangs on a robot or a piece"),
+        raise Unsuitable(
+            piece,
+            message("programs.held_by_nothing", "it is attached to no robot and to no piece"),
+            message("programs.piece_that_hangs", "release a piece that is attached"),
         )
     changed = reparent_piece(model, piece, parent, frame=frame)
+    # A piece that does not fall needs neither mass nor ground.
     falls = parent == WORLD and not fixed and changed.engine.moves_by_forces
     if not falls:
         return changed
+    remedy = message(
+        "programs.piece_that_can_fall", "set fixed, with which the piece stays where it is"
+    )
     missing = _missing_to_fall(model, changed, piece)
     if missing:
-        expected = message(
-            "programs.piece_that_can_fall",
-            "a piece that can fall and come to rest; with fixed it stays in the air, where it is",
-        )
-        raise InvalidParameter(subject, missing, expected)
+        raise Unsuitable(piece, missing, remedy)
     free = changed.pieces[piece].model_copy(update={"free": True})
     changed = changed.model_copy(update={"pieces": {**changed.pieces, piece: free}})
     # It comes to rest if there is ground, at any depth, below a part of it.
     middles = np.array([box.pose.translation() for box in _boxes_of(model, piece)])
     ground = resolve(changed).ground
     if not any(ground.carries(middle[np.newaxis], np.inf) for middle in middles):
-        expected = message(
-            "programs.over_a_floor",
-            "over a floor or a fixed box, where it comes to rest; with fixed it stays where it is",
+        problem = message(
+            "programs.over_nothing",
+            "it would fall forever, because no floor and no fixed box is below it",
         )
-        raise InvalidParameter(subject, message("programs.over_nothing", "over nothing"), expected)
+        raise Unsuitable(piece, problem, remedy)
     return changed
 
 
 def _missing_to_fall(model: StationModel, config: StationConfig, piece: str) -> str:
-    """Description of what a station or a piece lacks, so that the piece cannot fall and come to rest.
-
-    It is empty if nothing is missing.
-    """
+    """Explain why a piece cannot fall and come to rest. The explanation is empty if nothing is missing."""
     piece_model = model.resolved.pieces[piece].model
     if config.contact is None:
-        return message("programs.station_without_contact", "in a station without contact")
+        return message(
+            "programs.station_without_contact",
+            "it would fall forever, because the station has no contact",
+        )
     if not any(shape.collides for shape in piece_model.shapes):
-        return message("programs.without_shape", "without a shape that collides")
+        return message(
+            "programs.without_shape", "it would fall forever, because none of its shapes collides"
+        )
     has_inertia = piece_model.mass > 0 and min(piece_model.inertia[:3]) > 0
     if not has_inertia:
-        return message("programs.without_inertia", "without mass and inertia")
+        return message("programs.without_inertia", "it cannot fall without mass and inertia")
     return ""
 
 
@@ -172,6 +173,7 @@ def _boxes_of(model: StationModel, piece: str) -> Iterator[_Box]:
     """Yield boxes around the shapes of a piece, and its origin and its tool centre point."""
     yield _point_box(model.pose(model.piece_origin(piece)))
     yield _point_box(model.pose(model.piece_frame(piece)))
+    # Shapes are named by their piece and a number. Without the names, shapes of pieces on the same body would count.
     shapes = {
         f"{piece}_{number}" for number in range(len(model.resolved.pieces[piece].model.shapes))
     }
@@ -221,7 +223,8 @@ def with_efforts(
         efforts: largest torque or force of the motors, by axis [N·m or N]. The other motors keep their limits.
     """
     own = dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True))
-    driven = {axis: limit for axis, limit in own.items() if limit > 0}  # passive axes have no limit
+    # Passive axes have no motor, and so no limit.
+    driven = {axis: limit for axis, limit in own.items() if limit > 0}
     limits = {**driven, **efforts}
     servo = config.servo_of(robot.name).model_copy(update={"torque_limit": limits})
     entry = config.robots[robot.name].model_copy(update={"servo": servo})

@@ -71,23 +71,19 @@ def planned_gait(
     """
     model = robot.model
     has_steps = steps is not None
-    what = "gait" if has_steps else "act"
     gaits = gaits_of(model, steps=has_steps)
     worn = robot.worn_feet
     name = first_gait(model, worn, gaits) if name is None else name
     if name not in gaits:
-        raise UnknownName(
-            message("programs.gait_or_act_of", "{what} of {model}", what=what, model=model.name),
-            name,
-            gaits,
-        )
+        what = message("programs.act_of", "act of {model}", model=model.name)
+        if has_steps:
+            what = message("programs.gait_of", "gait of {model}", model=model.name)
+        raise UnknownName(what, name, gaits)
     gait = gaits[name]
     for key in changes:
         if key not in type(gait).model_fields:
             raise UnknownName(
-                message(
-                    "programs.parameter_of", "parameter of the {what} {name}", what=what, name=name
-                ),
+                message("programs.parameter_of", "parameter of the gait {name}", name=name),
                 key,
                 type(gait).model_fields,
             )
@@ -99,23 +95,22 @@ def planned_gait(
     if isinstance(gait, SolvedGait) and not sets_bearing:
         gait = _with_arms(gait, model, taught_arms(robot, gait.feet))
     made = changes.get("feet") or gait.made_for(model)
+    # A station with several robots has a section for each of them.
+    feet_key = "robot.feet" if situation.config.only_robot else f"robots.{robot.name}.feet"
     if gait.on_feet and not carries(model, worn, made):
         raise InvalidParameter(
-            message("programs.feet_of", "feet of {model}", model=model.name),
+            message("programs.feet_of", "kind of feet of {model}", model=model.name),
             str(worn),
             message(
                 "programs.feet_for_gait",
-                "{made}, for {name}: set robot.feet to {made}",
+                "{made} for the gait {name}: set {key} to {made}",
                 made=made,
                 name=name,
+                key=feet_key,
             ),
         )
     if gait.on_feet:
-        gait.check_feet(
-            model,
-            worn,
-            "robot.feet" if situation.config.only_robot else f"robots.{robot.name}.feet",
-        )
+        gait.check_feet(model, worn, feet_key)
 
     def plan(**others: Any) -> JointMotion:
         """Plan the gait with further changes of its parameters."""
@@ -248,7 +243,7 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
             config.name,
             message(
                 "programs.station_holding_trunk",
-                "one that holds {model} by its trunk, for {name}",
+                "a station that holds the trunk of {model}, for {name}",
                 model=model.name,
                 name=name,
             ),
@@ -257,7 +252,7 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
     if gait.on_feet and not stands:
         expected = message(
             "programs.station_with_floor",
-            "a dynamic one with contact and a floor, or a box that is fixed, under {model}'s feet, for {name}",
+            "a dynamic station with contact, and with a floor or a fixed box under the feet of {model}, for {name}",
             model=model.name,
             name=name,
         )

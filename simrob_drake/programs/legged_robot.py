@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from simrob_drake.base.arguments import instance, truth
-from simrob_drake.base.errors import InvalidParameter, counted
+from simrob_drake.base.errors import Unsuitable, counted
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Workcell, workcell_of
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -43,7 +44,7 @@ from simrob_drake.programs.stateful_station import GOES_ON
 from simrob_drake.programs.timeline import following
 from simrob_drake.results.record.run import MoveSpan, robot_that_fell
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.simulation import ReferenceLike
 from simrob_drake.stations.station import StationLike
 
@@ -88,12 +89,12 @@ class LeggedRobot(LeggedGeometry):
         """
         super().__init__(workcell_of(station, overrides), robot)
         self.program = Program()
+        # The station at the start, to which `reset` and `simulate` return: attached pieces change the present one.
         self._start = self.cell.config
         self.runs: list[SimulationResult] = []
         self.move_spans: list[MoveSpan] = []
-        self._past: list[
-            Snapshot
-        ] = []  # states to which `undo` returns, the most recent one at the end
+        # States to which `undo` returns, the most recent one at the end.
+        self._past: list[Snapshot] = []
 
     def _description(self) -> list[str]:
         """Parts of the text that `repr` returns, with the feet and the length of the program."""
@@ -117,6 +118,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: the move has a wrong key or value, or cannot be done.
         """
+        # One move has at most one run.
         runs = self._perform_moves([move_from(move)], store=store)
         return runs[-1] if runs else None
 
@@ -159,9 +161,8 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: see :meth:`walk`; or the time is not positive.
         """
-        return self._perform_moves(step_moves(self.model, self.worn_feet, move_time), store=True)[
-            -1
-        ]
+        moves = step_moves(self.model, self.worn_feet, move_time)
+        return self._perform_moves(moves, store=True)[-1]
 
     def walk(
         self,
@@ -272,6 +273,7 @@ class LeggedRobot(LeggedGeometry):
             UnknownName: there is no such piece or tool. The message proposes the nearest name.
             InvalidParameter: the piece is more than 30 mm away, and no pose is given.
         """
+        # A move stores numbers, as a program's file does, so that the pose can be saved.
         pose_numbers = None if pose is None else pose_from_transform(as_transform(pose))
         self.do(make_move(AttachMove, piece=piece, tool=tool, pose=pose_numbers), store=store)
 
@@ -297,14 +299,15 @@ class LeggedRobot(LeggedGeometry):
             program,
             "program",
             (Program, Path, str),
-            message("programs.a_program_or_yaml", "a Program, or the YAML file of one"),
+            message("programs.a_program_or_yaml", "a Program or the path of its YAML file"),
         )
         loaded = program if isinstance(program, Program) else Program.load(program)
+        # Messages name the file only if the program was read from one.
         file = "" if loaded is program else str(program)
         with following(self.cell, loaded.grid, loaded.changes):
             return self._perform(program_stages(self, loaded, self.cell.config, file))[-1]
 
-    def planned(self, program: Program) -> tuple[ReferenceLike, float]:
+    def reference_of(self, program: Program) -> tuple[ReferenceLike, float]:
         """Make the reference for a program of moves of joints from where the robot is. Nothing moves.
 
         ``cell.follow({robot.name: reference, ...}, duration)`` runs the references of several robots at the same time.
@@ -334,7 +337,8 @@ class LeggedRobot(LeggedGeometry):
         Args:
             automatic: whether the references run instead of the moves; or options for that, such as
                 ``{"tolerance_deg": 3, "timeout": 20}``, the keys of
-                :class:`~simrob_drake.programs.program.Automatic`. If it is None, as the program says.
+                :class:`~simrob_drake.programs.program.Automatic`. If it is None, the program's own key `automatic`
+                decides.
             strict: whether a run with warnings raises a ``VerdictError``, and leaves robot and program unchanged.
 
         Returns:
@@ -343,6 +347,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: the program is empty, or a move cannot be done from the start. The message names it.
         """
+        # The argument overrides what the program itself has under `automatic`.
         program = self.program if automatic is None else self.program.with_automatic(automatic)
         with following(self.cell, program.grid, program.changes, strict=truth(strict, "strict")):
             return self._perform(program_stages(self, program, self._start), from_start=True)[-1]
@@ -360,12 +365,13 @@ class LeggedRobot(LeggedGeometry):
             message("programs.the_reference", "the reference"),
             cell.duration,
         )
+        # Only a valid cell becomes a step for `undo`.
         self._remember()
         self.program = self.program.with_reference(cell)
 
     def remove(self, index: int = -1) -> None:
         """Remove a stored move from the program, by default the last one. The robot stays where it is."""
-        program = self.program.removed(index)
+        program = self.program.without_move(index)
         self._remember()
         self.program = program
 
@@ -385,17 +391,22 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: see :meth:`insert`; or the index is out of range.
         """
-        self.program.removed(index)  # checks the index
+        # Called for its check of the index only; the copy is not used.
+        self.program.without_move(index)
         old = leg_moves(self.program)[index]
         content: Move | Mapping[str, Any] = old
         old_duration = MOVE_TIME
+        # A move of joints may get new targets or another duration, and keeps the other. Other moves are replaced as a
+        # whole.
         if isinstance(old, JointMove):
             content = old.target_deg
             old_duration = old.duration
         if move is not None:
             content = move
         self._replace(
-            self.program.edited(index, move_from(content, duration, otherwise=old_duration))
+            self.program.with_replaced_move(
+                index, move_from(content, duration, otherwise=old_duration)
+            )
         )
 
     def insert(
@@ -413,7 +424,8 @@ class LeggedRobot(LeggedGeometry):
             SimrobError: the index is out of range, the move has a wrong key or value, or the robot cannot perform the
                 new program from its start.
         """
-        self._replace(self.program.inserted(index, move_from(move, duration)))
+        # The whole program is checked again: a new move changes where the later ones begin.
+        self._replace(self.program.with_inserted_move(index, move_from(move, duration)))
 
     def undo(self) -> None:
         """Undo the last run or change of the program: robot and program return to the state before.
@@ -422,10 +434,10 @@ class LeggedRobot(LeggedGeometry):
             InvalidParameter: nothing has been done.
         """
         if not self._past:
-            raise InvalidParameter(
+            raise Unsuitable(
                 "undo",
-                message("programs.asked_before_moves", "asked for before anything was done"),
-                message("programs.called_after_move", "called after a move or a change"),
+                message("programs.asked_before_moves", "nothing has been done yet"),
+                message("programs.called_after_move", "call it after a move or a change"),
             )
         self._restore(self._past.pop())
 
@@ -443,8 +455,8 @@ class LeggedRobot(LeggedGeometry):
         self._replace(Program.load(file), str(file))
 
     def result(self) -> SimulationResult:
-        """Join :attr:`runs` to one result; see :func:`~simrob_drake.results.result.joined`."""
-        return joined(self.runs, move_spans=self.move_spans)
+        """Join :attr:`runs` to one result; see :func:`~simrob_drake.results.result.join_runs`."""
+        return join_runs(self.runs, move_spans=self.move_spans)
 
     def film(self, file: Path | str, *, frames: int | Literal["events"] = 7) -> Path:
         """Write :attr:`runs`, one after the other, as one film; see :meth:`SimulationResult.film`."""
@@ -453,6 +465,7 @@ class LeggedRobot(LeggedGeometry):
     def reset(self, *, keep_program: bool = False) -> None:
         """Return the station to its start, and delete the program unless ``keep_program`` is True (Reset)."""
         kept = self.program if truth(keep_program, "keep_program") else Program()
+        # `undo` can take back a reset, so its snapshot comes first.
         self._remember()
         self._back_to_start()
         self.program = kept
@@ -494,10 +507,12 @@ class LeggedRobot(LeggedGeometry):
         spans: list[MoveSpan] = []
         now = 0.0
         try:
+            # The snapshot is taken before, so that an error also undoes the return to the start.
             if from_start:
                 self._back_to_start()
             for stage in stages:
                 result = stage.run(self)
+                # An attached piece takes no time: its span begins and ends at the same moment.
                 end = now if result is None else now + result.stop_time
                 spans += stage.spans(now, end)
                 now = end
@@ -505,18 +520,21 @@ class LeggedRobot(LeggedGeometry):
                     runs.append(result)
                     if result.ending != "completed":
                         break
+        # Ctrl+C counts, too: a robot must not stay half-way through a program.
         except BaseException:
             self._restore(snapshot)
             raise
+        # Attaching a piece has no run: `film` and `result` keep those of the last motion.
         if runs:
             self.runs = runs
             self.move_spans = spans
+        # No next move can begin where the robot has fallen, or where the simulation has diverged.
         if runs and (runs[-1].ending not in GOES_ON or robot_that_fell(runs[-1]) is not None):
             self._restore(snapshot)
             return runs
         self._remember(snapshot)
         if store:
-            self.program = self.program.added(*store)
+            self.program = self.program.with_added_moves(*store)
         return runs
 
     def _back_to_start(self) -> None:
@@ -531,6 +549,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             SimrobError: the robot cannot perform the program. The message names the move, and the file if there is one.
         """
+        # The check comes first: a program that fails leaves the present one, and no step for `undo`.
         check_program(self, program, self._start, file)
         self._remember()
         self.program = program
@@ -548,4 +567,8 @@ class LeggedRobot(LeggedGeometry):
         self.program = snapshot.program
         self.cell.state = snapshot.state
         self.cell.timeline.now = snapshot.now
+        # The configuration comes last, because a change draws the station in its present state.
         self.cell.change(snapshot.config)
+
+
+keep_former_attributes(LeggedRobot, planned="reference_of")

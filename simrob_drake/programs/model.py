@@ -76,7 +76,9 @@ class StationModel(PosedStation):
             InvalidModel: a robot or piece cannot be built.
         """
         self.config = config
+        # A station without contact gets the default one for checks.
         contact = (config.contact or ContactConfig()) if collision else None
+        # Links of one robot must not collide in a plan, even if the station leaves such contacts out.
         if contact is not None:
             contact = contact.model_copy(update={"self_collision": True})
         super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
@@ -84,7 +86,8 @@ class StationModel(PosedStation):
         # Transform by which a robot on its own feet is away from where it begins, by its model instance. The plant has
         # fixed bases: the poses of its frames are corrected by it.
         self._moved: dict[ModelInstanceIndex, RigidTransform] = {}
-        self._holds: dict[str, _Hold] = {}  # by piece
+        # Pieces between fingers, by the name of the piece.
+        self._holds: dict[str, _Hold] = {}
         # By robot, how far its fingers are from their references, shape (n,) [rad or m], see `place_state`.
         self._offsets: dict[str, Vector] = {}
 
@@ -103,6 +106,7 @@ class StationModel(PosedStation):
         """The same station with its free pieces fixed where they begin. Without any, it is this model."""
         if not self.config.free_pieces:
             return self
+        # A free piece has joints of its own, which would appear in the equations of motion of the robots.
         pieces = dict(self.config.pieces)
         for name in self.config.free_pieces:
             pieces[name] = pieces[name].model_copy(update={"free": False, "parent": WORLD})
@@ -157,11 +161,13 @@ class StationModel(PosedStation):
         self._holds = {}
         self._offsets = {}
         self.place_pieces(state)
+        # First as everything is now: only there do the fingers touch what they hold.
         self.place_robots({name: position(name) for name in self.robots})
         self._holds = self._find_holds()
         for name, robot in self.robots.items():
             is_finger = np.isin(np.arange(len(robot.axes)), [*robot.model.fingers])
             self._offsets[name] = np.where(is_finger, position(name) - reference(name), 0.0)
+        # Plans begin at the references, so collisions are checked from there.
         self.place_robots({name: reference(name) for name in self.robots})
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
@@ -169,10 +175,12 @@ class StationModel(PosedStation):
         super().place_robots(
             {name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()}
         )
+        # A held piece follows the link that touches it, in the same pose relative to that link.
         for name, hold in self._holds.items():
             self.plant.SetFreeBodyPose(
                 self.context, self.station.free_pieces[name], self.pose(hold.link) @ hold.pose
             )
+        # Setting the pose of a free body does not update the positions that queries use.
         if self._holds:
             self.place(self.plant.GetPositions(self.context))
 
@@ -219,7 +227,8 @@ class StationModel(PosedStation):
     @property
     def holders(self) -> dict[str, str]:
         """Name of the robot whose fingers hold a piece, for each piece that is held."""
-        if not self._holds:  # the usual case, and this property is read in every collision check
+        # The usual case comes first, because this property is read in every collision check.
+        if not self._holds:
             return {}
         return self._robots_of(self._holds)
 
@@ -263,6 +272,7 @@ class StationModel(PosedStation):
                     body = self.plant.GetBodyFromFrameId(inspector.GetFrameId(link_shape))
                     touching.setdefault((piece, robot), {})[link] = body.index()
         holds = {}
+        # One link only pushes a piece. Two links of the same robot hold it between them.
         for (piece, _), bodies in touching.items():
             if len(bodies) > 1:
                 link_frame = self.plant.get_body(next(iter(bodies.values()))).body_frame()
@@ -288,6 +298,7 @@ class StationModel(PosedStation):
         pose = self.pose(frame)
         angular = np.zeros(3)
         linear = np.zeros(3)
+        # A piece on the world, or on another piece that no robot carries, is at rest.
         if carrier in self.robots:
             own = self.robots[carrier]
             # The velocity by the axes, with the base at rest. The plant is left without velocities.
@@ -311,6 +322,7 @@ class StationModel(PosedStation):
 
     def _base_joint(self, robot: StationRobot) -> str:
         """Name in a state of the free joint of a robot's root."""
+        # The name that `State` gives to the free joint of a model's root.
         return f"{self.plant.GetModelInstanceName(robot.instance)}/{robot.root.body().name()}"
 
     def floats(self, robot: str) -> bool:
@@ -411,7 +423,7 @@ def reparent_piece(
     frame: str | None = None,
     pose: PoseLike | None = None,
 ) -> StationConfig:
-    """Make a station in which a piece has another parent. Pieces that are fixed on it come along.
+    """Make a station in which a piece has another parent. Pieces that are attached to it stay attached.
 
     The tool centre points of the robots follow: see :func:`_update_tools`.
 
@@ -438,6 +450,7 @@ def reparent_piece(
             "frame", message("programs.world_without_frames", "the world has no frames")
         )
     _check_no_loop(model, piece, parent)
+    # Without a pose the piece stays where it is: its pose in the new parent follows from both poses in the world.
     mount = model.pose(model.mount(parent, frame))
     place = (
         mount.inverse() @ model.pose(model.piece_origin(piece))
@@ -462,11 +475,14 @@ def _check_no_loop(model: StationModel, piece: str, parent: str) -> None:
     Raises:
         InvalidParameter: it is fixed on the piece, or is the piece itself.
     """
+    # Follow the parents up to the world or a robot: the piece itself must not be among them.
     ancestor = parent
     while ancestor in model.config.pieces:
         if ancestor == piece:
             expected = message(
-                "programs.parent_of_piece", "world, a robot, or a piece that does not hang on it"
+                "programs.parent_of_piece",
+                "the world, a robot, or a piece that is not attached to {piece}",
+                piece=piece,
             )
             raise InvalidParameter(
                 message("programs.parent_of", "parent of {piece}", piece=piece),
@@ -491,11 +507,13 @@ def _update_tools(model: StationModel, new: StationConfig, piece: str) -> Statio
     carriers = carriers_of(new)
     giver = old_pieces[piece].carrier
     taker = carriers[piece]
+    # The piece stays with the same robot, or with none: no tool changes.
     if giver == taker:
         return new
     robots = dict(new.robots)
     if giver in robots:
         tool = model.tool_in_use(giver)
+        # The tool in use may be the piece itself, or hang on it.
         lost_its_tool = carriers.get(tool, giver) != giver
         changes: dict[str, Any]
         if lost_its_tool:
@@ -539,7 +557,9 @@ def one_posture(values: npt.ArrayLike, axes: int, name: str) -> Vector:
             name,
             values,
             message(
-                "programs.a_posture", "a posture of {axes} axes, finite numbers [rad]", axes=axes
+                "programs.a_posture",
+                "a posture of {axes} axes, finite numbers [rad or m]",
+                axes=axes,
             ),
         )
     return posture

@@ -110,8 +110,10 @@ class Plan:
     @property
     def looks(self) -> Vector:
         """Times at which the plan is checked, shape (k,) [s]: evenly spaced, and where two polynomials meet."""
+        # Points that the user sees may be few: a plan is checked at more times, so that no peak is missed.
         point_count = max(self.points * len(self.arrivals), _LEAST_POINTS)
         even_times = np.linspace(0.0, self.duration, _LOOKS_PER_POINT * point_count + 1)
+        # Accelerations can be largest where two polynomials meet.
         knots = np.concatenate([stretch.times for stretch in self.stretches])
         return np.union1d(even_times, knots)
 
@@ -134,6 +136,7 @@ class Plan:
         """Positions, velocities and accelerations at times (m,) [s], as methods of the dynamics take them."""
         velocity = self.trajectory.MakeDerivative(1)
         acceleration = self.trajectory.MakeDerivative(2)
+        # Drake's vector_values takes a list.
         samples = times.tolist()
         return PlannedMotion(
             positions=np.array(self.trajectory.vector_values(samples)).T,
@@ -241,6 +244,7 @@ def check_rates(
     is_beyond = ratios > 1 + _ROUNDING
     if not is_beyond.any():
         return
+    # The message names the first point, but its advice follows from the largest excess of the whole move.
     row = int(np.argmax(is_beyond.any(axis=1)))  # the first time with an axis beyond its limit
     axis = int(np.argmax(ratios[row]))
     time = float(times[row])
@@ -297,7 +301,7 @@ def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> 
     duration = factor * float(times[-1])
     speed = message(
         "programs.tool_speed",
-        "{speed:.3g} m/s, beyond the {limit:g} m/s that it is rated for",
+        "{speed:.3g} m/s, beyond its rated speed of {limit:g} m/s",
         speed=speeds[row],
         limit=limit,
     )
@@ -371,6 +375,7 @@ def check_collisions(
             depths_at_start = model.policy.allowed_from_start(movers)
             continue
         overlaps = model.policy.overlaps(movers, depths_at_start)
+        # The deepest overlap comes first: it names the two bodies that matter.
         if overlaps:
             deepest = overlaps[0]
             point = naming(float(time))
@@ -401,7 +406,7 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
             plan,
             "plan",
             Plan,
-            message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"),
+            message("programs.a_plan", "a plan, such as that of arm.plan.move_l(...)"),
         )
     # Messages name the point of the longest move, which is still under way at any time.
     longest = max(plans, key=lambda plan: plan.duration)

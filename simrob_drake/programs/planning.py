@@ -30,6 +30,7 @@ from simrob_drake.base.frames import (
 )
 from simrob_drake.base.interpolation import stacked
 from simrob_drake.base.messages import message
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import FARTHEST, MOST_TURN
 from simrob_drake.kinematics.chain import Chain
 from simrob_drake.kinematics.registry import SolverLike, solver_for
@@ -92,6 +93,7 @@ def world_poses(
         InvalidParameter: the targets have another shape, are not finite, or seem to be in other units.
     """
     check_units(targets, name)
+    # A place has no orientation: the tool keeps the one that it has in the world.
     if is_place(targets):
         points = places(targets, wobj, name)
         return stacked(points, np.broadcast_to(turn, (len(points), 3, 3)))
@@ -141,6 +143,7 @@ def check_units(targets: Any, name: str) -> None:
     Raises:
         InvalidParameter: a length or an angle is too large.
     """
+    # Only vectors are checked: people write them by hand. Matrices and transforms are computed.
     rows = np.atleast_2d(numbers_or_nothing(targets))
     _check_unit(
         rows[:, :3],
@@ -148,7 +151,7 @@ def check_units(targets: Any, name: str) -> None:
         largest=FARTHEST,
         unit="m",
         other=message("programs.millimetres", "millimetres"),
-        hint=message("programs.lengths_in_metres", "lengths are in metres"),
+        remedy=message("programs.lengths_in_metres", "give lengths in metres"),
     )
     _check_unit(
         rows[:, 3:],
@@ -156,15 +159,15 @@ def check_units(targets: Any, name: str) -> None:
         largest=MOST_TURN,
         unit="rad",
         other=message("programs.degrees_word", "degrees"),
-        hint=message(
+        remedy=message(
             "programs.angles_in_radians",
-            "angles are in radians, as np.deg2rad() or targets_deg give them",
+            "give angles in radians, by np.deg2rad() or targets_deg",
         ),
     )
 
 
 def _check_unit(
-    values: Vector, name: str, *, largest: float, unit: str, other: str, hint: str
+    values: Vector, name: str, *, largest: float, unit: str, other: str, remedy: str
 ) -> None:
     """Refuse values that are too large to be in their unit.
 
@@ -174,31 +177,28 @@ def _check_unit(
         largest: largest value that is accepted.
         unit: unit of the values.
         other: name of the unit in which they may be by mistake.
-        hint: sentence about the right unit.
+        remedy: what to do, as a command.
 
     Raises:
         InvalidParameter: a value is larger.
     """
     beyond = values[np.abs(values) > largest]
     if beyond.size:
-        raise InvalidParameter(
-            name,
-            message(
-                "programs.one_with_value", "one with {beyond:g} {unit}", beyond=beyond[0], unit=unit
-            ),
-            message(
-                "programs.in_si_units",
-                "in SI units; were these {other}? {hint}",
-                other=other,
-                hint=hint,
-            ),
+        problem = message(
+            "programs.in_other_unit",
+            "a value of {beyond:g} {unit} seems to be in {other}",
+            beyond=beyond[0],
+            unit=unit,
+            other=other,
         )
+        raise Unsuitable(name, problem, remedy)
 
 
 def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
     """Whether targets are places [x y z], not poses."""
     if isinstance(targets, RigidTransform):
         return False
+    # NumPy takes transforms for objects: a list of three of them has the shape of a place.
     if isinstance(targets, Sequence) and any(
         isinstance(target, RigidTransform) for target in targets
     ):
@@ -232,6 +232,7 @@ def row_numbers(targets: Any) -> Any:
     """
     if isinstance(targets, str):
         return targets
+    # A place stays a place: as a pose it would have an orientation of its own.
     if is_place(targets):
         return np.asarray(targets, dtype=float).tolist()
     try:
@@ -290,6 +291,7 @@ class Planning:
 
     def inverse(self, solver: SolverLike | None) -> Solver:
         """Solver of the inverse kinematics, or that of the robot if None."""
+        # A move may name its own solver, such as one that allows the tool to turn.
         return solver_for(self.chain, self.solver if solver is None else solver)
 
     def postures(self, targets: npt.ArrayLike | str, name: str = "targets") -> Vector:
@@ -310,6 +312,7 @@ class Planning:
         if not fingers:
             return self.chain.postures(targets, name)
         rows = numbers(targets)
+        # A posture without fingers moves the arm and leaves the grip as it is.
         others = [axis for axis in range(len(self.start)) if axis not in fingers]
         if rows.ndim in (1, 2) and rows.shape[-1] == len(others):
             all_axes = np.broadcast_to(self.start, (*rows.shape[:-1], len(self.start))).copy()
@@ -319,9 +322,10 @@ class Planning:
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
         """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4)."""
+        # Places keep the orientation that the tool has at the start.
         return world_poses(targets, self.frame(wobj), self.pose[:3, :3])
 
-    def along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
+    def plan_along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
         """Plan a move of the tool along paths.
 
         Args:
@@ -340,6 +344,7 @@ class Planning:
             name = target_name(index, len(ways))
             segment = pose_segment(inverse, way, start, points=count, target=name)
             segments.append(segment)
+            # Each segment begins where the solver ended, so that the same branch of postures is followed.
             start = segment.end
         return self.plan_segments(segments, how, points)
 
@@ -378,8 +383,9 @@ class Planning:
                 self.rate_limits,
                 lambda: self.motors([self.robot]),
             )
+        # Targets are checked before the way to them: their message is the clearest.
         ends = np.array([segment.end for segment in segments]) if rows is None else rows
-        # not validated yet: the user may have given a value of any type
+        # Not validated yet: the user may have given a value of any type, for which `in` and `==` may fail.
         check = how.get("check", CHECKED)
         is_unchecked = isinstance(check, str) and check == "nothing"
         # If the user left the timing to the planner, the move may take as long as the motors need.
@@ -406,6 +412,7 @@ class Planning:
             UnknownName: the option `check` has an unknown value.
             SimrobError: the plan exceeds a limit. The message names the first such point.
         """
+        # None in a program's file, `check:` without a value, means limits without collisions.
         requested = how.get("check", CHECKED)
         check: Check = "limits" if requested is None else requested
         one_of(message("programs.check", "check"), check, get_args(Check))
@@ -422,10 +429,12 @@ class Planning:
         end_times = plan.arrivals[-len(ends) :]
         check_limits(self.chain, end_times, ends, target_at, hint)
         times = plan.looks
+        # Between targets a spline may swing out beyond a limit that both ends respect.
         check_limits(self.chain, times, plan.postures(times), plan.point_at)
         for order, limits in enumerate(self.rate_limits, start=1):
             advice = partial(remedy, how, order)
             check_rates(self.chain, plan.trajectory, times, limits, order, plan.point_at, advice)
+        # Some arms have a rated speed of the tool in addition to the limits of their joints.
         if self.model.tcp_speed is not None:
             check_tool_speed(self.chain, plan, self.model.tcp_speed, partial(remedy, how, 1))
         check_torques(self.motors([self.robot]), self.robot, plan, partial(remedy, how, 2))
@@ -444,18 +453,22 @@ def zone_of(how: How, count: int) -> float:
         Unsuitable: a move with zones has times of its targets.
     """
     zone = zone_size(how.get("zone", "fine"))
+    # A zone rounds the corner between two paths: a single path has none.
     if zone and count < 2:
-        expected = message(
-            "programs.several_targets",
-            "with several targets in one call, such as move_l([first, second]): a move rests at its last",
+        raise Unsuitable(
+            "zone",
+            message("programs.rests_at_last", "a move rests at its last target"),
+            message(
+                "programs.several_targets",
+                "give several targets in one call, such as move_l([first, second])",
+            ),
         )
-        raise InvalidParameter("zone", how["zone"], expected)
     if zone and "times" in how:
         raise Unsuitable(
             "times",
             message(
                 "programs.zone_without_times",
-                "targets with a zone are passed, and have no times of their own",
+                "the tool passes targets with a zone without stopping, so that they have no times",
             ),
         )
     return zone
@@ -469,7 +482,7 @@ class SampledWay(NamedTuple):
 
 
 def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]:
-    """Join paths that are gone without a rest between them.
+    """Join paths between which the tool does not stop.
 
     Args:
         ways: path to each target.
@@ -479,6 +492,7 @@ def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]
     if not zone:
         return [SampledWay(way, points) for way in ways]
     joined = through_zones(ways, zone)
+    # Small zones bend the path sharply: the points have to be close enough to follow them.
     enough = min(int(_POINTS_PER_ZONE * joined.length / zone), _ENOUGH_POINTS)
     return [SampledWay(joined, max(points * len(ways), enough))]
 
@@ -509,6 +523,7 @@ def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     Returns:
         The hint, or an empty text if the postures are not likely to be in degrees.
     """
+    # Sliding axes are in metres in both cases.
     in_radians = np.where(chain.revolute, np.deg2rad(rows), rows)
     would_fit = chain.limits.are_within(in_radians)
     # An angle of more than a whole turn is not likely to be meant in radians.
@@ -516,6 +531,9 @@ def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
     if would_fit and exceeds_turn.any():
         return message(
             "programs.were_these_degrees",
-            "; angles are in radians: were these degrees? np.deg2rad(...) turns them",
+            "; angles are in radians: if these are degrees, convert them by np.deg2rad(...)",
         )
     return ""
+
+
+keep_former_attributes(Planning, along="plan_along")

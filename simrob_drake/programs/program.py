@@ -13,10 +13,11 @@ import yaml
 from pydantic import BeforeValidator, PlainSerializer, model_validator
 
 from simrob_drake.base.arguments import as_path, instance
-from simrob_drake.base.errors import InvalidParameter, counted, shortened
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, counted, shortened
 from simrob_drake.base.folders import written_at_once
 from simrob_drake.base.messages import message
 from simrob_drake.base.packages import Border
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.base.sections import Duration, Positive, Strict, validated
 from simrob_drake.base.yaml_files import parse_yaml, read_yaml
 from simrob_drake.parts.controllers import loops_of
@@ -77,13 +78,14 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
         InvalidConfig: the way to a cell takes longer than the time-out.
     """
     if not cells:
-        raise InvalidParameter(
+        raise Unsuitable(
             message("programs.the_program", "the program"),
-            message("programs.without_references", "without references"),
-            message("programs.with_references", "one with some: add_reference() stores them"),
+            message("programs.without_references", "it has no references"),
+            message("programs.with_references", "add some by add_reference()"),
         )
     config = robot.cell.config
     others = {}
+    # A second sequencer of the same robot would set the same references.
     for name, controller in config.controllers.items():
         is_own_sequencer = (
             isinstance(controller, Sequencer)
@@ -110,7 +112,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
     longest = len(cells) * (pace.timeout + sample) + 2 / section.rate
     station = config.model_copy(update={"controllers": {**others, NAME: section}})
     check_parts(resolve(station))
-    # the next sequence begins at its first cell
+    # The sequencer's state is deleted afterwards, so that the next sequence begins at its first cell.
     return robot.cell.follow_as(station, {}, longest, forget=NAME)
 
 
@@ -145,7 +147,8 @@ class Program(Strict):
     references: tuple[Reference, ...] = ()
     """Cells (SimRob's ``joint{k}``) to which a sequencer leads the robot, each for as long as it takes."""
     grid: Duration | None = None
-    """Time between the points at which runs are divided, and from which they can be repeated [s]; 0.05 with changes."""
+    """Time between the moments at which runs are divided, and from which they can be repeated [s]. If it is not set, it
+    is 0.05 for a program with changes."""
     changes: tuple[Annotated[Change, PlainSerializer(Change.entry)], ...] = ()
     """Changes of the station while the moves run: settings, pushes, drags."""
     automatic: Annotated[Automatic | None, BeforeValidator(_expand_bool)] = None
@@ -154,11 +157,12 @@ class Program(Strict):
     @model_validator(mode="after")
     def _something_automatic(self) -> Self:
         """Check that an automatic program has references."""
+        # Without references a sequencer has nothing to do: moves alone make no automatic program.
         if self.automatic and not self.references:
             raise ValueError(
                 message(
                     "programs.automatic_without_references",
-                    "automatic: references are run, and there are none",
+                    "automatic needs references, and the program has none",
                 )
             )
         return self
@@ -169,6 +173,7 @@ class Program(Strict):
         return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:
+        # A long list of keys is cut: `repr` stays on one line.
         moves = ", ".join(move.key for move in self.moves)
         held = f"{counted(len(self.moves), 'move')}{shortened(f': {moves}') if moves else ''}"
         references = f"; {counted(len(self.references), 'reference')}" if self.references else ""
@@ -181,12 +186,13 @@ class Program(Strict):
         """Whether the only move is to play the references of the station, so that messages need not name the move."""
         return len(self.moves) == 1 and isinstance(self.moves[0], PlayMove)
 
-    def added(self, *moves: Move) -> "Program":
+    def with_added_moves(self, *moves: Move) -> "Program":
         """Make a copy with further moves at the end."""
+        # `model_copy` checks nothing, so wrong values are refused here.
         _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
-    def inserted(self, index: int, move: Move) -> "Program":
+    def with_inserted_move(self, index: int, move: Move) -> "Program":
         """Make a copy with another move.
 
         Args:
@@ -198,23 +204,25 @@ class Program(Strict):
             InvalidParameter: the index is out of range.
         """
         _check_moves(move)
+        # The end of the program is a valid index here, unlike for moves that exist.
         from_start = self._check_index(index, len(self.moves))
         return self.model_copy(
             update={"moves": (*self.moves[:from_start], move, *self.moves[from_start:])}
         )
 
-    def removed(self, index: int) -> "Program":
+    def without_move(self, index: int) -> "Program":
         """Make a copy without the move of an index, which counts from the end if it is negative.
 
         Raises:
             InvalidParameter: the index is out of range.
         """
+        # Counted from the start, because a slice from -1 + 1 on would be the whole program.
         from_start = self._check_index(index, len(self.moves) - 1)
         return self.model_copy(
             update={"moves": (*self.moves[:from_start], *self.moves[from_start + 1 :])}
         )
 
-    def edited(self, index: int, move: Move) -> "Program":
+    def with_replaced_move(self, index: int, move: Move) -> "Program":
         """Make a copy in which another move replaces that of an index, which counts from the end if it is negative.
 
         Raises:
@@ -240,6 +248,7 @@ class Program(Strict):
 
     def with_reference(self, cell: JointMove) -> "Program":
         """Make a copy with a further cell at the end."""
+        # An arm and a robot with legs share this method, so the cell is checked once, here.
         instance(
             cell,
             "cell",
@@ -261,12 +270,15 @@ class Program(Strict):
             OutputError: the file cannot be written. An existing one stays unchanged.
         """
         target = as_path(file, "file")
+        # Written to another file first, which then replaces the old one: a full disk destroys nothing.
         written_at_once(target, self.text())
         return target
 
     def text(self) -> str:
         """Program as YAML. Keys without a value are left out."""
+        # A file should have only what its author has set.
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
+        # Lists of numbers stay on one line, and the keys in the order of the class, as people write them.
         how: dict[str, Any] = {
             "sort_keys": False,
             "allow_unicode": True,
@@ -285,6 +297,7 @@ class Program(Strict):
         """
         source = as_path(file, "file")
         program = cls.of_content(read_yaml(source), source)
+        # Only changes of the station can name files.
         if not program.changes:
             return program
         # Files that changes of the station name are relative to the folder of the program. The border checks that a
@@ -333,8 +346,10 @@ class Program(Strict):
         Raises:
             InvalidConfig: an entry is wrong. The message names the move and the key.
         """
+        # Each move is checked by itself first: its message names the move. That of the whole program could not.
         for index, entry in enumerate(_entries(content, "moves")):
             check_move(entry, move_name(index, len(content["moves"]), str(source)))
+        # References are moves of joints only, because a sequencer leads the joints.
         for index, entry in enumerate(_entries(content, "references")):
             check_move(entry, reference_name(index, str(source)), {JointMove.key: JointMove})
         return validated(cls, content, source)
@@ -350,12 +365,17 @@ class Program(Strict):
             InvalidParameter: the index is out of range.
         """
         count = len(self.moves)
-        instance(index, "index", int, message("programs.number_of_move", "the number of a move"))
+        instance(
+            index,
+            "index",
+            int,
+            message("programs.number_of_move", "an integer, the index of a move"),
+        )
         from_start = index + count if index < 0 else index
         if not 0 <= from_start <= last:
             known = message(
                 "programs.known_numbers",
-                "from {first} to {last}, the program has {moves} {moves:move|moves}",
+                "from {first} to {last}: the program has {moves} {moves:move|moves}",
                 first=-count,
                 last=last,
                 moves=count,
@@ -363,7 +383,11 @@ class Program(Strict):
             raise InvalidParameter(
                 "index",
                 index,
-                known if last >= 0 else message("programs.no_move_yet", "of a move; there is none"),
+                known
+                if last >= 0
+                else message(
+                    "programs.no_move_yet", "the index of a move, and the program has none"
+                ),
             )
         return from_start
 
@@ -371,6 +395,7 @@ class Program(Strict):
 def _entries(content: Mapping[str, Any], key: str) -> list[Any]:
     """Entries of a list in a program's file. Empty if the key is missing, or holds something else than a list."""
     entries = content.get(key)
+    # Something else than a list is refused later, with the name of the key.
     return entries if isinstance(entries, list) else []
 
 
@@ -387,3 +412,12 @@ def _check_moves(*moves: object) -> None:
             Move,
             message("programs.a_move", "a move, such as JointMove(target_deg={{'waist': 10}})"),
         )
+
+
+keep_former_attributes(
+    Program,
+    added="with_added_moves",
+    inserted="with_inserted_move",
+    removed="without_move",
+    edited="with_replaced_move",
+)

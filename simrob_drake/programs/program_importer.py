@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 from simrob_drake.importer.importer import Importer
 
-if TYPE_CHECKING:  # options of commands need this module, and programs load scipy
+# The options of commands need this module. Importing programs here would load scipy for every command.
+if TYPE_CHECKING:
     from simrob_drake.programs.plan import Check
     from simrob_drake.programs.program import Program
     from simrob_drake.stations.config import StationConfig
@@ -71,6 +72,7 @@ class ImportedProgram:
     @property
     def losses(self) -> list[str]:
         """Texts of the remarks about lines that were not understood."""
+        # Other remarks are about lines that were understood, but mean something else here.
         return [remark.text for remark in self.remarks if remark.is_lost]
 
 

@@ -14,7 +14,7 @@ from simrob_drake.programs.tape import Entry, Stage, Take
 from simrob_drake.results.animation.live import LiveView
 from simrob_drake.results.files import Saved
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.stations.station import StationLike, config_of
 
 
@@ -57,7 +57,7 @@ class RecordedStation(StatefulStation):
             postures,
             "postures",
             Mapping,
-            message("programs.mapping_by_robot", "a mapping by robot"),
+            message("programs.mapping_by_robot", "a mapping by the names of robots"),
         )
         shown = {}
         for name, posture in postures.items():
@@ -65,6 +65,7 @@ class RecordedStation(StatefulStation):
             label = message("programs.posture_called", "postures: {name}", name=name)
             shown[name] = one_posture(posture, axis_count, label)
         self.show()
+        # `show` has just opened it: the type checker cannot know.
         assert self._window is not None
         now = self._shown_state()
         self._window.draw(
@@ -92,17 +93,18 @@ class RecordedStation(StatefulStation):
         """
         self.tape.check_some()
         moves = self.tape.moves()
+        # Without moves there is no program: a recording that a file cannot describe is saved without one.
         text = Program(station=STATION, moves=tuple(moves)).text() if moves else ""
         last_take = self.tape.takes[-1]
         # Changes after the last run are in the station of this object only.
         ends_with_run = self.tape.entries[-1] is last_take
         final_station = last_take.config if ends_with_run else self.config
         runs = [
-            entry.result.numbered(number)
+            entry.result.with_move_number(number)
             for number, entry in enumerate(self.tape.entries)
             if isinstance(entry, Take)  # a change has a number as well
         ]
-        return joined(runs, left=final_station, program=text)
+        return join_runs(runs, left=final_station, program=text)
 
     def save(self, folder: Path | str | None = None, **options: Unpack[Saved]) -> Path:
         """Write the recording to a folder; see :meth:`SimulationResult.save`.
@@ -145,8 +147,10 @@ class RecordedStation(StatefulStation):
             SimrobError: a piece cannot be attached or released there.
         """
         stages = self.tape.stages(duration)
+        # A new object of the same class runs the stages, so that this one does not change.
         first = self.tape.takes[0]
         cell = type(self)(first.config if station is None else config_of(station))
+        # A recording that began at the initial posture has no state: the station begins at its own initial posture.
         cell.state = first.start or cell.state
         cell.progress = self.progress
         cell.strict = self.strict or strict
@@ -158,10 +162,11 @@ class RecordedStation(StatefulStation):
             runs.append(cell.follow(stage.references, stage.duration))
             if runs[-1].ending not in GOES_ON:
                 break
-        return runs[0] if len(runs) == 1 else joined(runs, left=cell.config)
+        return runs[0] if len(runs) == 1 else join_runs(runs, left=cell.config)
 
     def _repeat_change(self, entry: Entry) -> None:
         """Change this station by a recorded entry: attach or release a piece, or change a tool."""
+        # An entry has exactly one key: the kind of its move.
         ((key, content),) = entry.items()
         if key == "tool":
             self.tool(self.robot_name(content["robot"]), content.get("name") or content["pose"])

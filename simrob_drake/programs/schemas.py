@@ -13,8 +13,10 @@ from simrob_drake.robots.pieces import PieceModel
 def model_schemas() -> dict[str, dict[str, Any]]:
     """Return the schemas of files under ``models/`` and of programs, by the names of their own files."""
     robot = file_schema(RobotModel, from_place=("name", "folder", "root", "axes"))
+    # A robot is described by a URDF with its axes, or by a table of Denavit and Hartenberg, not by both.
     robot["oneOf"] = [{"required": ["urdf", "root", "axes"]}, {"required": ["dh"]}]
     piece = file_schema(PieceModel, from_place=("folder",))
+    # The loader sets the folder. A file cannot.
     for schema in (robot, piece):
         del schema["properties"]["folder"]
     others = {

@@ -7,8 +7,8 @@ from typing import Any
 
 from simrob_drake.programs.program import Program
 
-_WIDTH = 100
-_NESTED = " " * 8
+_WIDTH = 100  # longest line of a value [characters]
+_NESTED = " " * 8  # indent of the entries of a list that is an argument
 
 
 def script(
@@ -21,43 +21,85 @@ def script(
     code: bool,
     file: Path,
 ) -> str:
-    """Return the text of a script that runs a program, and saves all of it as one result.
+    """Write a script that runs a program, and saves all of its runs as one result.
 
-    ``station`` is a name, or a file, which goes with a script in its folder; ``code``: whether it names Python code.
+    Args:
+        program: the program.
+        station: name of the station, or its file. A file in the folder of the script is found relative to the script.
+        settings: changes of the station, by dotted key.
+        robot: name of a robot with legs. If it is None, the only robot of the station.
+        legs: whether a robot with legs performs the program; otherwise the arms of a workcell do.
+        code: whether the station names Python code, which it may run only if the script allows it.
+        file: file of the script. The folder of the result is named after it.
+
+    Returns:
+        Text of the script.
     """
-    near = Path(station).parent == file.parent
-    place = f'Path(__file__).with_name("{Path(station).name}")' if near else _value(station)
-    names = ["LeggedRobot" if legs else "Workcell", "Program", "load_station"]
-    imports = ["from pathlib import Path\n"] * near + [
-        f"from simrob_drake import {', '.join(sorted(names))}"
-    ]
-    whose = f", {_value(robot)}" if robot else ""
-    run = (
-        f"robot = LeggedRobot(station{whose})\nrobot.run(program)\nresult = robot.result()"
-        if legs
-        else "result = Workcell(station).perform(program)"
+    is_in_folder = Path(station).parent == file.parent
+    # Script and station can then be moved together.
+    location = (
+        f'Path(__file__).with_name("{Path(station).name}")' if is_in_folder else _value(station)
     )
+    changes = f", {_value(dict(settings))}" if settings else ""
+    permission = ", allow_code=True" if code else ""
+    # The script loads the station itself: the program's key `station` would have no effect.
     content = program.model_dump(mode="json", exclude={"station"}, exclude_defaults=True)
-    changed = f", {_value(dict(settings))}" if settings else ""
+    arguments = "".join(_argument(key, value) for key, value in content.items())
+    title = _for_docstring(program.description) or "A recorded program"
     parts = [
-        f'"""{program.description or "A program that was taught"}; its signals are in {file.stem}-run/signals.csv."""',
-        "\n".join(imports),
-        f"station = load_station({place}{changed}{', allow_code=True' * code})",
-        f"program = Program(\n{''.join(_argument(key, value) for key, value in content.items())})",
-        f'{run}\nprint(result)\nresult.save("{file.stem}-run", force=True)\n',
+        f'"""{title}; its signals are in {file.stem}-run/signals.csv."""',
+        _imports(legs=legs, needs_path=is_in_folder),
+        f"station = load_station({location}{changes}{permission})",
+        f"program = Program(\n{arguments})",
+        f'{_run_statements(legs, robot)}\nprint(result)\nresult.save("{file.stem}-run", force=True)\n',
     ]
     return "\n\n".join(parts)
 
 
+def _for_docstring(text: str) -> str:
+    """Escape a text so that it can be written between triple quotes."""
+    # Backslashes first: those of the escaped quotes must stay single.
+    return text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
+
+
+def _imports(*, legs: bool, needs_path: bool) -> str:
+    """Write the imports of a script.
+
+    Args:
+        legs: whether the script needs a robot with legs; otherwise it needs a workcell.
+        needs_path: whether the script finds its station by its own path.
+    """
+    names = sorted(["LeggedRobot" if legs else "Workcell", "Program", "load_station"])
+    own_import = f"from simrob_drake import {', '.join(names)}"
+    # A blank line between modules of Python and others, as formatters want it.
+    return f"from pathlib import Path\n\n{own_import}" if needs_path else own_import
+
+
+def _run_statements(legs: bool, robot: str | None) -> str:
+    """Write the statements that run the program and assign its result.
+
+    Args:
+        legs: whether a robot with legs performs the program.
+        robot: name of this robot. If it is None, the only robot of the station.
+    """
+    if not legs:
+        return "result = Workcell(station).perform(program)"
+    name = f", {_value(robot)}" if robot else ""
+    # `run` returns the result of the last run only; `result` joins all of them.
+    return f"robot = LeggedRobot(station{name})\nrobot.run(program)\nresult = robot.result()"
+
+
 def _argument(key: str, value: Any) -> str:
-    if not isinstance(value, Sequence) or isinstance(value, str):
+    """Write a keyword argument of a call, with one line for each entry of a list."""
+    is_list = isinstance(value, Sequence) and not isinstance(value, str)
+    if not is_list:
         return f"    {key}={_value(value)},\n"
-    entries = "".join(
-        f"{_NESTED}{_value(entry)},\n".replace("\n ", f"\n{_NESTED} ") for entry in value
-    )
-    return f"    {key}=[\n{entries}    ],\n"
+    # Further lines of a long entry begin with the spaces by which `pformat` aligns them: they are indented as well.
+    lines = [f"{_NESTED}{_value(entry)},\n".replace("\n ", f"\n{_NESTED} ") for entry in value]
+    return f"    {key}=[\n{''.join(lines)}    ],\n"
 
 
 def _value(value: Any) -> str:
+    """Write a value as Python code. Strings get double quotes unless one of them contains such a quote."""
     text = pformat(value, width=_WIDTH, sort_dicts=False, compact=True)
     return text if '"' in text else text.replace("'", '"')

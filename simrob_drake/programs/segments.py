@@ -6,7 +6,7 @@ without coming to rest. A :class:`Segment` is a path on which the postures are k
 few points that are joined by a spline; where the tool would leave its line or arc between them, points are added.
 
 A :class:`Stretch` is a motion: a segment that a law of time makes a function of time. The law gives the part of the
-path that is gone at each time, see :class:`~simrob_drake.blocks.cruise.TimeLaw`.
+path that is covered at each time, see :class:`~simrob_drake.blocks.cruise.TimeLaw`.
 """
 
 import re
@@ -86,7 +86,7 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
     r"""Join paths to one target each, so that the tool passes the targets within zones as in RAPID.
 
     Let x be the distance behind the corner between two paths, in zones, from -1 to 1. Within the zone the motions of
-    both paths are added: of the second, :math:`g(x) = 2 t^3 - t^4` with :math:`t = (x + 1) / 2` is gone, and of the
+    both paths are added: of the second, :math:`g(x) = 2 t^3 - t^4` with :math:`t = (x + 1) / 2` is covered, and of the
     first, :math:`g(-x)` is left. Position, direction and curvature are continuous, because :math:`g'` rises from 0 to 1
     and :math:`g(x) - g(-x) = x`.
 
@@ -103,7 +103,7 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
         if zone > most * _ROUNDING:
             expected = message(
                 "programs.largest_zone",
-                "at most {most:.4g} mm at targets[{index}]: half of the shorter way that meets there",
+                "at most {most:.4g} mm at targets[{index}]: half of the shorter of the two paths that meet there",
                 most=1e3 * most,
                 index=index,
             )
@@ -111,20 +111,20 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
 
     def curve(parts: Vector) -> Vector:
         """Postures or poses at parts (k,) of the joined path, which are in ascending order."""
-        gone = parts * ends[-1]
+        covered = parts * ends[-1]
         # First without zones: each part belongs to one of the paths.
-        indices = np.minimum(np.searchsorted(ends, gone), len(ways) - 1)
+        indices = np.minimum(np.searchsorted(ends, covered), len(ways) - 1)
         pieces = []
         for index, way in enumerate(ways):
-            from_end = gone[indices == index] - ends[index]
+            from_end = covered[indices == index] - ends[index]
             if from_end.size:
                 pieces.append(_before_end(way, from_end))
         result = np.concatenate(pieces)
         # Then the parts within each zone are replaced.
         for corner, (before, after) in zip(ends, pairwise(ways), strict=False):
-            is_near = np.abs(gone - corner) < zone
+            is_near = np.abs(covered - corner) < zone
             if is_near.any():
-                x = (gone[is_near] - corner) / zone
+                x = (covered[is_near] - corner) / zone
                 left = _before_end(before, -zone * _zone_share(-x))
                 entered = _before_end(after, zone * _zone_share(x) - after.length)
                 corner_value = before.curve(np.ones(1))[0]
@@ -140,7 +140,7 @@ def _before_end(way: Way, from_end: Vector) -> Vector:
 
 
 def _zone_share(x: Vector) -> Vector:
-    """Function g of :func:`through_zones`: share of a zone that is gone of the second path."""
+    """Function g of :func:`through_zones`: share of the second path in a zone that is covered."""
     t = (x + 1) / 2
     return np.asarray(t**3 * (2 - t))
 
@@ -164,9 +164,8 @@ def _add_motions(left: Vector, corner: Vector, entered: Vector) -> Vector:
 PATH_TOLERANCE = 2e-5
 """Largest distance of the tool from its line or arc between two points [m]."""
 
-_LEAST_POINTS = (
-    6  # least count of points of a path, and of a motion: a spline of degree five needs six
-)
+# Least count of points of a path, and of a motion: a spline of degree five needs six.
+_LEAST_POINTS = 6
 _MOST_POINTS = 5000  # largest count of points that are added to a path
 _SMALL_TURN = 0.2  # turn from one point to the next that the incremental solver follows whatever its limit is [rad]
 _JUMP = 0.5  # motion between two points that may be a jump [rad or m]
@@ -256,10 +255,12 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
     while follows_path:
         last_jump = jump
         jump = float(np.abs(np.diff(postures, axis=0)).max())
+        # A continuous motion between two points halves when the points double. A jump stays as large.
         is_jump = jump > _JUMP and jump > _SHRINKS * last_jump
         if is_jump or len(parts) > _MOST_POINTS:
             raise _broken_path(chain, postures, parts, points, target)
         between = (parts[1:] + parts[:-1]) / 2
+        # The spline predicts the posture half-way. If the tool is on the path there, no more points are needed.
         guesses = np.clip(free_spline(parts, postures)(between), chain.lower, chain.upper)
         desired = poses(between)
         if _largest_distance(chain, guesses, desired) < PATH_TOLERANCE:
@@ -342,7 +343,8 @@ def _require(
         return
     missed = solutions.first_missed
     number, name = named_point(float(parts[missed]), points, target)
-    if parts[missed] == 1.0:  # the target itself, whose position the user knows
+    # The user has given the position of the target itself: only other points need theirs.
+    if parts[missed] == 1.0:
         where = target
     else:
         place = ", ".join(f"{value:.4g}" for value in targets[missed, :3, 3])
@@ -463,20 +465,21 @@ def by_law(parts: Vector, postures: Vector, law: TimeLaw) -> tuple[Stretch, ...]
     curvature = path.derivative(2)
     motions = []
     for piece, (begin, end) in enumerate(pairwise(law.breaks)):
-        # A polynomial on which a larger part of the path is gone needs more points.
+        # A polynomial that covers a larger part of the path needs more points.
         share = float(np.ptp(law.at([begin, end], piece)))
         times = np.linspace(begin, end, _LEAST_POINTS + int(_FINER * share * len(parts)))
-        gone = np.clip(law.at(times, piece, 0), 0.0, 1.0)
+        covered = np.clip(law.at(times, piece, 0), 0.0, 1.0)
         rate = law.at(times, piece, 1)
         rate_change = law.at(times, piece, 2)
         ends = []
         for index in (0, -1):
-            velocity = slope(gone[index]) * rate[index]
+            velocity = slope(covered[index]) * rate[index]
             acceleration = (
-                curvature(gone[index]) * rate[index] ** 2 + slope(gone[index]) * rate_change[index]
+                curvature(covered[index]) * rate[index] ** 2
+                + slope(covered[index]) * rate_change[index]
             )
             ends.append(EndSlopes(velocity, acceleration))
-        motions.append(Stretch(times, path(gone), Slopes(*ends)))
+        motions.append(Stretch(times, path(covered), Slopes(*ends)))
     return tuple(motions)
 
 
@@ -503,6 +506,7 @@ def until(stretches: tuple[Stretch, ...], posture: Vector, end: float) -> tuple[
         posture: posture of the rest if there are no motions, shape (n,) [rad or m].
         end: time at which the rest ends [s]. If it is not after the motions, these are returned unchanged.
     """
+    # Without motions the robot rests in the given posture from the start.
     begin = 0.0
     if stretches:
         begin = float(stretches[-1].times[-1])

@@ -26,18 +26,16 @@ _POINTS_PER_CORNER = 2  # control points of the spline for each corner of the pa
 _LEAST_POINTS = 10  # smallest count of control points
 _MOST_POINTS = 20  # largest count of control points
 _APART = 0.004  # least distance between shapes [m]
-_NEAR = (
-    0.03  # the optimisation takes distances into account that exceed _APART by less than this [m]
-)
+# The optimisation takes distances into account that exceed _APART by less than this [m].
+_NEAR = 0.03
 _EVERY = 0.04  # distance along the path between the points where shapes are kept apart at first [m]
 _ROUNDS = 3  # how often the optimisation is run, with additional points in each further round
 _ITERATIONS = 40  # largest count of SNOPT's major iterations in each round
 _LEAST_LOOKS = 200  # least count of postures at which a path is checked for collisions
 _SHORTEST = 0.01  # lower bound of a path's duration [s]
 _LONGEST = 100.0  # upper bound of a path's duration [s]
-_LENGTH_COST = (
-    0.2  # cost of the path's length, per radian; the cost of its duration is 1 per second
-)
+# Cost of the path's length, per radian; the cost of its duration is 1 per second.
+_LENGTH_COST = 0.2
 _UNLIMITED = 1e4  # replaces an infinite limit [rad/s, rad/s², m/s, m/s²]
 
 
@@ -73,12 +71,12 @@ def find_faster_path(
     model = search.space.model
     try:
         station = PosedStation(model.frozen_station())
-    except SimrobError:  # a link without mass cannot be moved by forces, which this station assumes
+    except SimrobError:
+        # A link without mass cannot be moved by forces, which this station assumes.
         return None
     # Positions that belong to no axis are those of bases that are not fixed.
-    if station.plant.num_positions() != sum(
-        len(robot.axes) for robot in station.station.robots.values()
-    ):
+    axis_count = sum(len(robot.axes) for robot in station.station.robots.values())
+    if station.plant.num_positions() != axis_count:
         return None
     now = model.plant.GetPositions(model.context)
     station.place_robots(
@@ -226,9 +224,8 @@ class _Problem:
 
     def _postures(self, trajectory: BsplineTrajectory, times: Vector) -> Vector:
         """Postures (k, n) of the robots that move, at times (k,) [s] of a trajectory of the plant."""
-        positions = np.array(
-            trajectory.vector_values(times.tolist())
-        ).T  # of the whole plant, (k, nq)
+        # Positions of the whole plant, shape (k, nq), of which only those of the moving robots are needed.
+        positions = np.array(trajectory.vector_values(times.tolist())).T
         robots = self._station.station.robots
         return np.hstack(
             [robots[robot].axis_map.positions(positions) for robot in self._search.space.start]

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import sequence
@@ -96,6 +96,7 @@ class ProgramStage:
             move_end = end if number == last else min(now + duration, end)
             spans.append(MoveSpan(index=self.first + number, begin=now, end=move_end))
             now = move_end
+            # A monitor has ended the run here: later moves have not begun.
             if number < last and now >= end:
                 break
         return spans
@@ -127,6 +128,8 @@ def stages_of(
         is_only_move = len(moves) == 1 and not file
         needs_name = not isinstance(move, JointMove) and not is_only_move
         with naming(name if needs_name else ""):
+            # Moves of joints are checked here as well, although the stage of the whole group replaces their own
+            # stages.
             stage = move.stage(robot, outlook, name)
         if not isinstance(move, JointMove):
             joint_moves = []
@@ -158,6 +161,7 @@ def stages_of_program(
     _check_references(robot, program, file)
     if program.automatic:
         return [ProgramStage(partial(run_cells, cells=program.references, pace=program.automatic))]
+    # A program that only attaches pieces has no run, and so no result that could be returned.
     check_takes_time(program.moves)
     return stages_of(robot, leg_moves(program, file), station, file)
 
@@ -169,10 +173,11 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
         InvalidParameter: a move is for arms.
     """
     for number, move in enumerate(program.moves):
+        # Named here, because the move itself would only say that it is for arms.
         if not move.of_legs:
             expected = message(
                 "programs.one_of_leg_kinds",
-                "one of {kinds}: the others are for arms",
+                "a move for robots with legs: one of {kinds}",
                 kinds=", ".join(leg_kinds()),
             )
             raise InvalidParameter(move_name(number, len(program.moves), file), move.key, expected)
@@ -194,25 +199,21 @@ def check_program(
 def check_takes_time(
     moves: Sequence[Move],
     name: str = message("programs.the_program", "the program"),
-    expected: str = message("programs.moves_stored", "one with moves: add_move() stores them"),
+    remedy: str = message("programs.moves_stored", "add one by add_move()"),
 ) -> None:
     """Check that at least one move of a program takes time.
 
     Args:
         moves: the moves.
         name: name of the program for the message.
-        expected: what would be right, for the message.
+        remedy: how to add a move, as a command for the message.
 
     Raises:
-        InvalidParameter: no move takes time.
+        Unsuitable: no move takes time.
     """
     if not any(move.takes_time for move in moves):
-        state = (
-            message("programs.without_taking_time", "without a move that takes time")
-            if moves
-            else "empty"
-        )
-        raise InvalidParameter(name, state, expected)
+        problem = message("programs.without_taking_time", "it has no move that takes time")
+        raise Unsuitable(name, problem, remedy)
 
 
 class JointReference(NamedTuple):
@@ -243,7 +244,7 @@ def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> JointRefere
                 move.key,
                 message(
                     "programs.move_with_other_robots",
-                    "a move of joints, to be run with other robots'",
+                    "a move of joints: only such moves run at the same time as those of other robots",
                 ),
             )
         joint_moves.append(move)
@@ -282,6 +283,7 @@ def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) ->
     times = [0.0]
     postures = [np.array(start, dtype=float)]
     for number, move in enumerate(moves):
+        # Axes without a target keep the position of the move before.
         posture = postures[-1].copy()
         where = move_name(number, len(moves))
         for index, position in targets_on(model, move.target_deg, where, move.duration).items():
@@ -309,8 +311,9 @@ def step_moves(model: RobotModel, feet: str | None, move_time: float | None = No
         raise InvalidParameter(
             "robot",
             model.name,
-            message("programs.robot_with_legs", "one with legs: step() is for legged robots"),
+            message("programs.robot_with_legs", "a robot with legs, for step()"),
         )
+    # The thesis describes its step by joint angles. Robots that have such a sequence take this step.
     own_step = gaits_of(model, steps=False).get(SEQUENCE)
     if isinstance(own_step, Posing) and carries(model, feet, own_step.made_for(model)):
         return _moves_of_sequence(model, own_step, move_time)
@@ -330,6 +333,7 @@ def _moves_of_sequence(model: RobotModel, posing: Posing, move_time: float | Non
         posing: the sequence.
         move_time: duration of each move [s]. If it is None, the time between the postures of the sequence.
     """
+    # The file has times since the start of the sequence, a move has a duration.
     durations = np.diff([0.0, *(target.time for target in posing.targets)])
     moves = list[Move]()
     for target, duration in zip(posing.targets, durations, strict=True):
@@ -342,6 +346,7 @@ def _moves_of_sequence(model: RobotModel, posing: Posing, move_time: float | Non
 
 def _targets_of_driven(model: RobotModel, target_deg: AxisValues) -> dict[str, float]:
     """Spread one number or a list over the axes that have a motor, by name [deg, or m of a prismatic axis]."""
+    # A single number means all axes, but a passive axis cannot follow it.
     values = model.axis_vector(target_deg, SEQUENCE).tolist()
     by_axis = dict(zip(model.axes, values, strict=True))
     return {axis: value for axis, value in by_axis.items() if axis not in model.passive_axes}
@@ -355,6 +360,7 @@ def _check_references(robot: LeggedGeometry, program: Program, file: str) -> Non
     """
     for number, cell in enumerate(program.references):
         name = reference_name(number, file)
+        # The sequencer leads the joints by itself: no collisions are checked on the way.
         cell.refuse_check(name)
         targets_on(robot.model, cell.target_deg, name)
 

@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import instance, seconds
-from simrob_drake.base.errors import InvalidParameter, one_of
+from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
 from simrob_drake.base.frames import PoseLike, Vector, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.parts.resolved import WORLD
@@ -37,9 +37,8 @@ from simrob_drake.stations.station import StationLike, config_of
 GOES_ON = ("completed", "monitor")
 """Endings of a run after which the next run begins where it ended."""
 
-_SAME_PLACE = (
-    1e-9  # largest distance from the robot's reference at which a plan may begin [rad or m]
-)
+# Largest distance from the robot's reference at which a plan may begin [rad or m].
+_SAME_PLACE = 1e-9
 
 
 class StatefulStation(ABC):
@@ -96,6 +95,7 @@ class StatefulStation(ABC):
     def position(self, robot: str) -> Vector:
         """Positions of a robot's axes, shape (n,) [rad or m]."""
         initial = self.robot(robot).initial
+        # A copy: the state itself must not change with the array of a caller.
         return (initial if self.state is None else self.state.positions[robot]).copy()
 
     def velocity(self, robot: str) -> Vector:
@@ -111,6 +111,7 @@ class StatefulStation(ABC):
     @property
     def model(self) -> StationModel:
         """The station's plant with robots and pieces where they are now."""
+        # The plant is placed anew each time, because planning and collision checks move it.
         self._model.place_pieces(self.state)
         self._model.place_robots({robot: self.position(robot) for robot in self.config.robots})
         self._model.place_bases(self.state)
@@ -135,7 +136,7 @@ class StatefulStation(ABC):
             raise InvalidParameter(
                 "station",
                 self.config.name,
-                message("programs.station_with_robot", "one with a robot; it has none"),
+                message("programs.station_with_robot", "a station with a robot"),
             )
         if name is None and self.config.only_robot is None:
             raise InvalidParameter(
@@ -143,7 +144,7 @@ class StatefulStation(ABC):
                 message("programs.not_named", "not named"),
                 message(
                     "programs.name_one_robot",
-                    "one of {robots}: robot='{first}'",
+                    "one of {robots}, such as robot='{first}'",
                     robots=", ".join(robots),
                     first=next(iter(robots)),
                 ),
@@ -171,6 +172,7 @@ class StatefulStation(ABC):
             check_units(wobj, "wobj")
             return as_transform(wobj)
         model = self.model
+        # A name with a dot is a frame of a piece. A robot has only one frame for targets: its tool centre point.
         name, dot, frame = wobj.partition(".")
         if name in model.robots and not dot:
             robot = model.robots[name]
@@ -196,17 +198,19 @@ class StatefulStation(ABC):
             InvalidParameter: see :meth:`check_together`; or there is neither a plan nor a duration.
             PathCollision: see :meth:`check_together`.
         """
+        # Everything is checked before the first step, so that an error leaves the station where it is.
         self.check_together(*plans)
         if not plans and duration is None:
-            raise InvalidParameter(
-                "plans",
-                "empty",
+            raise Unsuitable(
+                "run",
+                message("programs.without_plans", "neither plans nor a duration are given"),
                 message(
                     "programs.plans_or_duration",
-                    "some, such as arm.plan.move_l(...), or a duration to wait",
+                    "give a plan, such as arm.plan.move_l(...), or a duration to wait",
                 ),
             )
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
+        # Robots without a plan, and those whose move ends earlier, rest until the end of the run.
         own = {plan.robot: plan.stretches for plan in plans}
         stretches = {
             robot: until(own.get(robot, ()), self.reference(robot), end)
@@ -231,7 +235,7 @@ class StatefulStation(ABC):
                 plan,
                 "plans",
                 Plan,
-                message("programs.a_plan", "made by arm.plan, such as arm.plan.move_l(...)"),
+                message("programs.a_plan", "a plan, such as that of arm.plan.move_l(...)"),
             )
         if len({plan.robot for plan in plans}) < len(plans):
             raise InvalidParameter(
@@ -240,11 +244,17 @@ class StatefulStation(ABC):
                 message("programs.of_different_robots", "of different robots"),
             )
         for plan in plans:
+            # A plan that was made before another run may begin elsewhere: the axes would jump.
             if np.abs(plan.start - self.reference(plan.robot)).max() > _SAME_PLACE:
-                raise InvalidParameter(
+                raise Unsuitable(
                     message("programs.plan_of", "plan of {robot}", robot=plan.robot),
-                    message("programs.made_for_other_place", "made for another place"),
-                    message("programs.planned_at_robot", "planned where the robot is"),
+                    message(
+                        "programs.made_for_other_place",
+                        "it begins in another posture than that of the robot",
+                    ),
+                    message(
+                        "programs.planned_at_robot", "plan the move again from where the robot is"
+                    ),
                 )
         # Each plan was checked alone when it was made, with the other robots at rest where they were then.
         if any(plan.check == "collision" for plan in plans):
@@ -265,9 +275,10 @@ class StatefulStation(ABC):
             references,
             "references",
             Mapping,
-            message("programs.mapping_by_robot", "a mapping by robot"),
+            message("programs.mapping_by_robot", "a mapping by the names of robots"),
         )
         seconds(duration)
+        # Without a reference the station's file would decide, and the robot would move.
         still = [robot for robot in self.config.robots if robot not in references]
         held = {robot: trajectory((rest(self.reference(robot), 0.0, duration),)) for robot in still}
         return self._run({**held, **references}, duration)
@@ -291,8 +302,10 @@ class StatefulStation(ABC):
             did: caption of the run.
             moves: the planned moves.
         """
+        # The take keeps the station and the state of the start, from which it can be repeated.
         config = self.config
         start = self.state
+        # A timeline with a grid cuts the run at its changes, and restarts the solver at each moment of the grid.
         if self.timeline.grid is not None:
             result = run_timed(self, references, duration)
         else:
@@ -304,6 +317,7 @@ class StatefulStation(ABC):
                 on_step=self.on_step,
             )
         result = replace(result, did=did, moves=moves).check(self.strict)
+        # A run that has diverged or was interrupted is returned to be looked at, but the station stays as it was.
         if result.ending in GOES_ON:
             self.state = result.final_state
             self.timeline.now += result.stop_time
@@ -328,6 +342,7 @@ class StatefulStation(ABC):
             duration: duration of the run [s].
             forget: name of a controller whose state is deleted afterwards, so that it begins anew next time.
         """
+        # `change` marks the tape: no file can describe a run with a controller or gains of its own.
         own = self.config
         self.change(station)
         try:
@@ -356,6 +371,7 @@ class StatefulStation(ABC):
     ) -> None:
         """Attach a piece to the tool that a robot uses now; see :meth:`attach`."""
         name = self.robot_name(robot)
+        # A tool that is itself a piece carries the new piece, not the robot's flange.
         tool = self.model.tool_in_use(name)
         self.attach(piece, tool if tool in self.config.pieces else name, frame=frame, pose=pose)
 
@@ -365,7 +381,7 @@ class StatefulStation(ABC):
 
     def play(self, duration: float) -> SimulationResult:
         """Run the station for a time [s] while all robots follow the references of its file, from where they are."""
-        # the references depend on the station's file, so another station cannot repeat them
+        # The references depend on the station's file, so another station cannot repeat them.
         self.tape.note(None)
         return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
 
@@ -383,7 +399,7 @@ class StatefulStation(ABC):
         feels its weight. A robot that gives its tool away uses the tool that carried it. Velocities stay unchanged.
 
         Args:
-            piece: name of the piece. Pieces that are fixed on it come along.
+            piece: name of the piece. Pieces that are attached to it stay attached.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
             frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
                 instead of its first tool, such as the trunk for a backpack.
@@ -394,6 +410,7 @@ class StatefulStation(ABC):
             InvalidParameter: the parent is the piece itself or one that is fixed on it; or a robot takes the piece
                 without a ``pose`` from more than 30 mm away.
         """
+        # With a pose the piece may be anywhere: it is placed there. Without one the tool has to be near it.
         if pose is None:
             self._change(take_piece(self.model, piece, parent, frame=frame))
         else:
@@ -428,9 +445,12 @@ class StatefulStation(ABC):
         state = self.state
         config = release_piece(model, piece, parent, frame=frame, fixed=fixed)
         if state is not None and config.pieces[piece].free:
+            # The free joint of the piece starts with the velocity with which it was carried, so that a thrown piece
+            # flies.
             state = replace(
                 state, joints={**state.joints, free_joint(piece): model.motion(piece, state)}
             )
+        # The station first, because the state has a joint that only the changed station has.
         self._change(config)
         self.state = state
         self.tape.note(
@@ -456,12 +476,15 @@ class StatefulStation(ABC):
                 tool,
                 [*own.tools, *own.model.links],
             )
+            # The same tool again keeps its offset.
             changes: dict[str, object] = (
                 {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
             )
         else:
             offset = as_transform(tool)
             check_units(pose_from_transform(offset), "tool")
+            # The pose is measured from the present tool centre point, so it is added to the offset that this point
+            # has.
             before = (
                 RigidTransform() if entry.tcp_offset is None else as_transform(entry.tcp_offset)
             )
@@ -490,7 +513,7 @@ class StatefulStation(ABC):
             config,
             "config",
             StationConfig,
-            message("programs.loaded_station", "what load_station() gives"),
+            message("programs.loaded_station", "a StationConfig, as load_station() returns it"),
         )
         if list(config.robots) != list(self.config.robots):
             raise InvalidParameter(
@@ -498,11 +521,12 @@ class StatefulStation(ABC):
                 list(config.robots),
                 message(
                     "programs.of_station_with",
-                    "of a station with {robots}",
+                    "that of a station with the robots {robots}",
                     robots=", ".join(self.config.robots),
                 ),
             )
-        model = StationModel(config)  # raises an error before anything is changed
+        # Built first: an error leaves the old station in place.
+        model = StationModel(config)
         self.config = config
         self._model = model
         if self._window:

@@ -38,13 +38,16 @@ def suggest_duration(
     Returns:
         the duration [s], at least `MOVE_TIME`.
     """
+    # The peak of a move from rest to rest is PEAK times its mean speed. So the mean speed has to be lower by this
+    # factor.
     speeds = SPEED_SHARE * robot.speed_limits / PEAK
     if not config.follows_speed(robot.name):
         speeds = np.minimum(speeds, _speeds_without_lag(robot))
     distances = np.abs(target - start)
     moves = distances > 0.0
     slowest = float(np.max(distances[moves] / speeds[moves], initial=0.0))
-    duration = round(math.ceil(slowest / ROUNDING) * ROUNDING, 3)  # 0.3, not 0.30000000000000004
+    # Rounded twice, so that a user reads 0.3 and not 0.30000000000000004.
+    duration = round(math.ceil(slowest / ROUNDING) * ROUNDING, 3)
     return float(min(max(MOVE_TIME, duration), LONGEST))
 
 

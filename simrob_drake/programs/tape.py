@@ -13,7 +13,7 @@ import numpy as np
 from pydrake.math import RigidTransform
 
 from simrob_drake.base.arguments import plain, seconds
-from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
+from simrob_drake.base.errors import SimrobError, Unsuitable
 from simrob_drake.base.messages import message
 from simrob_drake.kinematics.registry import SolverLike
 from simrob_drake.parts.resolved import WORLD
@@ -119,6 +119,7 @@ class Tape:
         """Record a run, if the tape is running."""
         # A run that is left out makes a gap, unless it is before the first recorded one.
         makes_gap = bool(self.entries) and not self.running
+        # One missing part is enough: the saved program would not do the same.
         if makes_gap or take.entry is None:
             self.whole = False
         if self.running:
@@ -130,8 +131,9 @@ class Tape:
         Args:
             change: entry of the change. It is None if no file can say it.
         """
+        # The first run has the station with all changes before it.
         if not self.entries:
-            return  # the first run has the station with all changes before it
+            return
         if self.running and change is not None:
             self.entries.append(change)
         else:
@@ -153,10 +155,10 @@ class Tape:
             InvalidParameter: nothing was recorded.
         """
         if not self.entries:
-            raise InvalidParameter(
+            raise Unsuitable(
                 message("programs.the_recording", "the recording"),
-                "empty",
-                message("programs.begun_with_record", "begun with record() before the moves"),
+                message("programs.nothing_recorded", "it is empty"),
+                message("programs.begun_with_record", "call record() before the moves"),
             )
 
     def stages(self, duration: float | None = None) -> list[Stage | Entry]:
@@ -177,6 +179,7 @@ class Tape:
         for earlier, later in pairwise(takes):
             _check_joined(earlier, later)
         stages: list[Stage | Entry] = []
+        # Runs are joined only up to a change of the station, which needs a station of its own.
         for are_takes, group in groupby(self.entries, lambda entry: isinstance(entry, Take)):
             entries = list(group)
             if are_takes:
@@ -194,19 +197,27 @@ def _check_joined(earlier: Take, later: Take) -> None:
         InvalidParameter: there is a gap between them, or one has references that are no planned moves.
     """
     if earlier.stretches is None or later.stretches is None:
-        raise _not_joined(message("programs.with_own_references", "with references of its own"))
+        raise _not_joined(
+            message(
+                "programs.with_own_references",
+                "a run follows references that are no planned moves",
+            )
+        )
+    # One motion of the joined run must begin where the one before ended: otherwise the axes would jump.
     for robot, stretches in earlier.stretches.items():
         gap = np.abs(stretches[-1].postures[-1] - later.stretches[robot][0].postures[0])
         if gap.max() > _JOINS:
-            raise _not_joined(message("programs.with_gaps", "with gaps"))
+            raise _not_joined(
+                message("programs.with_gaps", "a run does not begin where the one before ended")
+            )
 
 
-def _not_joined(state: str) -> InvalidParameter:
+def _not_joined(problem: str) -> Unsuitable:
     """Make the error for a recording that cannot be one run. Its takes can still be run one by one."""
-    return InvalidParameter(
+    return Unsuitable(
         message("programs.the_recording", "the recording"),
-        state,
-        message("programs.replayed_by_takes", "replayed take by take: replay()"),
+        problem,
+        message("programs.replayed_by_takes", "run its takes one by one: replay()"),
     )
 
 
@@ -223,7 +234,10 @@ def _join_takes(takes: list[Take], factor: float) -> Stage:
     """
     first = takes[0]
     if any(take.config != first.config for take in takes):
-        raise _not_joined(message("programs.of_changed_station", "of a station that changed"))
+        raise _not_joined(
+            message("programs.of_changed_station", "the station was changed between two runs")
+        )
+    # A single run of any reference can be repeated as it is, but not stretched in time.
     if len(takes) == 1 and first.stretches is None:
         if factor != 1.0:
             raise Unsuitable(
@@ -267,6 +281,7 @@ def with_entry(
         The plan with its entry and the pose of its work object. The entry is None if no file can say the move, because
         its solver has no name.
     """
+    # A solver of the user's own is an object without a name. A file cannot say it.
     solver_name = planning.solver if solver is None else solver
     wobj_pose = None if wobj is None else planning.frame(wobj)
     if not isinstance(solver_name, str):
@@ -285,6 +300,7 @@ def with_entry(
     # A file without the key checks collisions, so that None has to be written.
     if "check" in content and content["check"] is None:
         content["check"] = "limits"
+    # Arrays become lists, as YAML and JSON need them.
     entry = {name: plain(value) for name, value in content.items() if value is not None}
     return replace(plan, entry={key: entry}, frame=wobj_pose)
 
@@ -322,11 +338,13 @@ def run_entry(
     for plan in plans:
         if plan.entry is None:
             return None
+        # An entry has exactly one key: the kind of its move.
         ((key, content),) = plan.entry.items()
         if _has_wobj_moved(plan, content.get("wobj"), frame):
             # Its name would mean another pose now.
             assert plan.frame is not None
             content = {**content, "wobj": pose_numbers(plan.frame)}
+        # A file for the only robot of a station stays valid for other stations, whose robot has another name.
         if not several:
             content = {name: value for name, value in content.items() if name != "robot"}
         moves.append({key: content})
@@ -366,6 +384,7 @@ def asked_move(plan: Plan, model: StationModel) -> AskedMove:
         duration=plan.duration,
         end=plan.end,
         tool=model.chain(plan.robot, robot.tools[robot.tcp]).forward,
+        # A function, because distances along the whole run take long, and are needed only for reports.
         approaches=lambda rows, times: approaches(model.colliding, plan, rows, times),
         speed=content.get("speed"),
         search=plan.search,
@@ -384,6 +403,7 @@ def plans_caption(plans: Sequence[Plan], *, several: bool) -> str:
     """
     if not plans:
         return "wait"
+    # A list that leaves out one of the moves would be wrong.
     if not all(plan.kind for plan in plans):
         return ""
     if not several:

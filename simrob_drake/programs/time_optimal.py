@@ -173,7 +173,7 @@ class Motors:
                 "time_optimal",
                 message(
                     "programs.motors_cannot_hold",
-                    "another one: the motors cannot hold the robot on this way",
+                    "another profile: the motors cannot hold the robot on this path",
                 ),
             )
         return law

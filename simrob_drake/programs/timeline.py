@@ -31,7 +31,7 @@ from simrob_drake.blocks.references import Reference, later
 from simrob_drake.parts.controllers.section import commanded_sections
 from simrob_drake.parts.forces import Drag, ForceConfig, Push
 from simrob_drake.results.record.state import State
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.simulation import Moment, OnStep, ReferenceLike, Runner, Ticks
 from simrob_drake.stations.change_of_kind import settings_with
 from simrob_drake.stations.config import StationConfig
@@ -41,11 +41,8 @@ from simrob_drake.stations.resolve import resolve
 GRID = 0.05  # default time between two moments of the grid [s]
 _SERVO = "servo."  # prefix of the keys of the servos' settings
 _GRID_ROUNDING = 1e-6  # part of a step of the grid that is due to rounding
-_DRIVE_NUMBERS = (
-    "ahead",
-    "left",
-    "turn",
-)  # numbers of a command that a change `drive` sets [m/s, m/s, rad/s]
+# Numbers of a command that a change `drive` sets [m/s, m/s, rad/s].
+_DRIVE_NUMBERS = ("ahead", "left", "turn")
 _TIME_ROUNDING = 1e-9  # times that differ by less are equal [s]
 
 Drive = tuple[float, ...]
@@ -58,7 +55,7 @@ class PushNow(Strict):
     """A constant force for a while; see :class:`~simrob_drake.parts.forces.Push`."""
 
     at: str | None = None
-    """The body that is pushed: a robot, link, tool or piece; the only robot unless given."""
+    """Body that is pushed: a robot, link, tool or piece. If it is not set, the only robot."""
     force: Triple
     """Force along x, y and z of that body [N]."""
     duration: Duration = 0.1
@@ -69,36 +66,36 @@ class DragNow(Strict):
     """A spring that pulls a point after a target; see :class:`~simrob_drake.parts.forces.Drag`."""
 
     at: str | None = None
-    """The body that is pulled: a robot, link, tool or piece; the only robot unless given."""
+    """Body that is pulled: a robot, link, tool or piece. If it is not set, the only robot."""
     point: Triple = (0.0, 0.0, 0.0)
     """Point of the body that is pulled, in the body's frame [m]."""
     targets: Annotated[tuple[Triple, ...], Field(min_length=1)]
-    """Positions in the world that the point is pulled to, one for each step of the program's grid [m]."""
+    """Positions in the world to which the point is pulled, one for each step of the program's grid [m]."""
     stiffness: Positive | None = None
-    """Stiffness of the spring [N/m]. Unless given, a spring of a quarter of a metre pulls with the weight of the robot
-    or piece."""
+    """Stiffness of the spring [N/m]. If it is not set, a spring that is longer by a quarter of a metre pulls with the
+    weight of the robot or piece."""
 
 
 class DriveNow(Strict):
-    """Commands to a walk in place of those of its section; without effect if no robot walks.
+    """Commands to a walk in place of those of its section. They have no effect if no robot walks.
 
-    Other controllers that take commands of ``ahead``, ``left`` or ``turn`` are driven as well.
+    Other controllers that take commands of ``ahead``, ``left`` or ``turn`` get them as well.
     """
 
     at: str | None = None
-    """The robot that walks; the only robot unless given."""
+    """Robot that walks. If it is not set, the only robot."""
     commands: Annotated[tuple[tuple[NotNegative, Number, Number, Number], ...], Field(min_length=1)]
-    """Each command: the time since the change from which on it holds [s], the speeds ahead and to the left [m/s], and
-    the turn to the left [deg/s]."""
+    """Commands of four numbers: the time since the change from which the command holds [s], the speeds ahead and to the
+    left [m/s], and the turning speed to the left [deg/s]."""
 
 
 class Change(Strict):
     """A change that happens while a program runs."""
 
     time: Instant
-    """Time of the change since the start of the program [s]; moved to the program's grid."""
+    """Time of the change since the start of the program [s]. It is rounded to the program's grid."""
     set: Annotated[dict[str, Any], Field(min_length=1)] | None = None
-    """Keys of the station and their new values, such as `{servo.kp: 500}`; they hold from then on."""
+    """Keys of the station and their new values, such as `{servo.kp: 500}`. They hold from the change on."""
     push: PushNow | None = None
     """A push."""
     drag: DragNow | None = None
@@ -114,7 +111,10 @@ class Change(Strict):
         ]
         if len(kinds) != 1:
             raise ValueError(
-                message("programs.one_of_changes", "a change is one of set, push, drag and drive")
+                message(
+                    "programs.one_of_changes",
+                    "exactly one of set, push, drag and drive must be set",
+                )
             )
         return self
 
@@ -137,7 +137,7 @@ class Timeline:
     """
 
     def __init__(self, grid: float | None = None, changes: Sequence[Change] = ()) -> None:
-        """Begin a timeline; changes without a grid get the default grid."""
+        """Begin a timeline. If there are changes but no grid, the grid has the default step :data:`GRID`."""
         self.grid = GRID if grid is None and changes else grid
         self.changes = sorted(changes, key=lambda change: change.time)
         self.now = 0.0
@@ -153,6 +153,7 @@ class Timeline:
 
     def time_of(self, number: int) -> float:
         """Time of a moment of the grid [s]."""
+        # Multiples of a step such as 0.05 have rounding errors, which would show in times of signals.
         return round(number * self._step, 12)
 
     def time_to_next_change(self, end: float) -> float:
@@ -224,7 +225,9 @@ class Timeline:
                     config.robots,
                 )
             if change.set is not None:
+                # Called for its errors: the changed station is not used.
                 with_settings(config, _for_robots(change.set, config), where)
+        # A time after the last begin, so that every push and drag is among the forces.
         until_all_begin = self.changes[-1].time + 1.0 if self.changes else 0.0
         forces = self.forces(until_all_begin)
         if forces:
@@ -243,9 +246,10 @@ class Timeline:
         forces = dict[str, ForceConfig]()
         for number, change in enumerate(self.changes):
             begin = self.steps(change.time)
-            if begin >= last:  # after the run
+            # The change comes after this run.
+            if begin >= last:
                 continue
-            # since the run began; negative for an earlier change
+            # Time since the run began. It is negative for an earlier change, which may still act.
             begin_time = self.time_of(begin - first)
             start = max(begin_time, 0.0)
             if change.push is not None:
@@ -315,6 +319,8 @@ class Timeline:
             if change.drive is None or (change.drive.at or only_robot) != robot:
                 continue
             for since, ahead, left, turn_deg in change.drive.commands:
+                # A command holds from the sample after its time on. Rounding must not decide whether it holds at its
+                # own time.
                 if change.time + since < begin + time - _TIME_ROUNDING:
                     values = {"ahead": ahead, "left": left, "turn": radians(turn_deg)}
                     drive = tuple(values[number] for number in numbers)
@@ -417,6 +423,7 @@ def run_timed(
     """
     line = cell.timeline
     begin = line.now
+    # Begin and end are moments of the grid, so that a later run can continue from there.
     end = line.rounded_up(line.rounded_up(begin) + duration)
     state = cell.state
     runs = list[SimulationResult]()
@@ -455,6 +462,7 @@ def run_timed(
                 made_references = runner.references(references, state)
                 reference_settings = settings
                 reference_begin = line.now
+            # References go on over a cut: the next run begins in their middle.
             elapsed = line.now - reference_begin
             run = runner.run(
                 reference={
@@ -469,6 +477,7 @@ def run_timed(
             # The callback may have added targets to drags during the run.
             forces = {**run.config.forces, **line.forces(run.stop_time)}
             run = replace(run, config=run.config.model_copy(update={"forces": forces}))
+            # Back to a moment of the grid exactly: sums of times would drift.
             line.now = line.time_of(line.steps(line.now + run.stop_time))
             if run.ending == "completed" and is_ended_by_timeline:
                 text = message(
@@ -483,7 +492,7 @@ def run_timed(
             state = run.final_state
     finally:
         line.now = begin
-    return runs[0] if len(runs) == 1 else joined(_marked_as_cut(runs))
+    return runs[0] if len(runs) == 1 else join_runs(_marked_as_cut(runs))
 
 
 def _marked_as_cut(runs: Sequence[SimulationResult]) -> list[SimulationResult]:

@@ -1,8 +1,8 @@
-"""Timing of moves: how long each segment of a move takes, and by which law of time it is gone.
+"""Timing of moves: how long each segment of a move takes, and by which law of time the robot follows it.
 
-A *segment* is a path from rest to rest. Its law of time gives the part of the path that is gone at each time. The user
-may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without any of
-them the timing is *free*: the move takes a usual time, or longer if the joints need it.
+A *segment* is a path from rest to rest. Its law of time gives the part of the path that is covered at each time. The
+user may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without
+any of them the timing is *free*: the move takes a usual time, or longer if the joints need it.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,33 +42,35 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     Raises:
         InvalidParameter: a limit of an axis is not known, or the path is not straight in the axes.
     """
+    # Ruckig is an optional dependency: without it, the error names the extra that installs it.
     with needed(message("programs.jerk_limited", "profile jerk_limited"), "plan"):
         from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
     start = postures[0]
     end = postures[-1]
     parts = np.linspace(0.0, 1.0, len(postures))[:, np.newaxis]
     distances = np.abs(start + parts * (end - start) - postures)
+    # Ruckig gets only the start and the end: it cannot follow a path that bends between them.
     if distances.max() > _STRAIGHT:
         expected = message(
             "programs.straight_without_zones",
-            "another one: it goes with moves that are straight in the axes, without zones",
+            "another profile: this one needs a path that is straight in the axes, without zones",
         )
         raise InvalidParameter("profile", "jerk_limited", expected)
     names = [axis for robot in robots for axis in robot.axes]
-    # Name of each limit, its values by robot, and the file that sets it.
+    # For each limit the attribute of Ruckig's task, the values by robot, and the place where a user sets them.
     rate_limits = (
         (
-            "velocity",
+            "max_velocity",
             [robot.speed_limits for robot in robots],
-            message("programs.its_urdf", "its URDF"),
+            message("programs.its_urdf", "the velocity limit in its URDF"),
         ),
         (
-            "acceleration",
+            "max_acceleration",
             [robot.model.accelerations for robot in robots],
             message("programs.acceleration_in_robot", "acceleration_deg in its robot.yaml"),
         ),
         (
-            "jerk",
+            "max_jerk",
             [robot.model.jerks for robot in robots],
             message("programs.jerk_in_robot", "jerk_deg in its robot.yaml"),
         ),
@@ -76,21 +78,21 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
     task = InputParameter(len(names))
     task.current_position = start.tolist()
     task.target_position = end.tolist()
-    for key, limits_of_robots, where in rate_limits:
+    for attribute, limits_of_robots, where in rate_limits:
         limits = np.concatenate(limits_of_robots)
         if not np.isfinite(limits).all():
-            raise InvalidParameter(
+            raise Unsuitable(
+                "profile",
                 message(
-                    "programs.rate_of_axis",
-                    "the {key} of {axis}",
-                    key=key,
+                    "programs.not_limited",
+                    "jerk_limited needs a limit that {axis} does not have",
                     axis=names[limits.argmax()],
                 ),
-                message("programs.not_limited", "not limited"),
-                message("programs.limited_by", "limited by {where}", where=where),
+                message("programs.limited_by", "set {where}", where=where),
             )
-        setattr(task, f"max_{key}", limits.tolist())
-    task.synchronization = Synchronization.Phase  # on the line, where possible
+        setattr(task, attribute, limits.tolist())
+    # Phase synchronization keeps all axes on the line, where possible.
+    task.synchronization = Synchronization.Phase
     motion = Trajectory(len(names))
     result = Ruckig(len(names)).calculate(task, motion)
     if result.value < 0:
@@ -99,13 +101,14 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
             "jerk_limited",
             message(
                 "programs.no_ruckig_motion",
-                "another one: Ruckig found no motion ({result})",
+                "another profile: Ruckig found no motion ({result})",
                 result=result.name,
             ),
         )
     # The jerk of some axis changes at these times. Between two of them the motion is a polynomial.
     changes = np.cumsum([[0.0, *profile.t] for profile in motion.profiles[0]], axis=1).ravel()
     breaks = np.unique(np.clip(changes, 0.0, motion.duration))
+    # Axes change their jerk at nearly the same times. A spline over such a short part would be ill-conditioned.
     is_long_enough = np.diff(breaks) > _SHORTEST_PART
     breaks = np.append(breaks[:-1][is_long_enough], motion.duration)
     return tuple(
@@ -137,9 +140,8 @@ joints allow; `jerk_limited`, for moves that are straight in the joints, as limi
 """
 _LEAST_TIME_PROFILES: tuple[Profile, ...] = ("time_optimal", "jerk_limited")
 
-_TURN_LENGTH = (
-    0.1  # length that counts as much as a radian of a joint, where moves are compared [m]
-)
+# Length that counts as much as a radian of a joint, where moves are compared [m].
+_TURN_LENGTH = 0.1
 _FASTEST = 20.0  # largest speed of a tool; no arm is faster [m/s]
 _LEAST_LENGTH = 1e-6  # least length of the path to a target, so that nothing is divided by 0 [m]
 _LEAST_TIME = 0.01  # least time to a target [s]
@@ -201,10 +203,10 @@ def profile_of(how: How) -> Profile:
                 )
     cruises = "speed" in how and profile != "smooth" and not takes_least_time
     if "acceleration" in how and not cruises:
-        raise InvalidParameter(
+        raise Unsuitable(
             "acceleration",
-            how["acceleration"],
-            message("programs.with_a_speed", "given with a speed, of a move that cruises"),
+            message("programs.without_speed", "only a move that reaches a cruising speed has it"),
+            message("programs.with_a_speed", "set speed, and profile trapezoid or s_curve"),
         )
     return profile
 
@@ -225,7 +227,7 @@ def speed_of(how: How) -> float:
     if speed > _FASTEST:
         expected = message(
             "programs.speed_in_millimetres",
-            "at most {fastest:g} m/s; were these mm/s? Then it is {speed:g}",
+            "at most {fastest:g} m/s; if these are mm/s, give {speed:g}",
             fastest=_FASTEST,
             speed=speed / 1e3,
         )
@@ -241,7 +243,7 @@ def plan_timed(
     limits: RateLimits,
     motors: Callable[[], Motors],
 ) -> Plan:
-    """Plan a move that goes along segments, and rests at the end of each.
+    """Plan a move along segments, with a rest at the end of each.
 
     If the timing is free, the move takes as long as the joints need. If only a speed is set, the tool speeds up as fast
     as the joints allow. With zones it keeps this speed past the corners, where less acceleration would only help by not
@@ -264,6 +266,7 @@ def plan_timed(
     acceleration = positive(how.get("acceleration", ACCELERATION), "acceleration", "m/s²")
     laws, is_time_free = _laws(segments, how, points, acceleration)
     plan = _plan_by_laws(robot, segments, laws, points)
+    # The usual time was only a first guess: a plan that is too fast takes longer, one that could be faster does not.
     if is_time_free:
         slowdown = _needed_slowdown(plan, limits)
         if slowdown <= 1:
@@ -278,6 +281,8 @@ def plan_timed(
         reaching = LONGEST_RAMP * how["speed"] * (how["speed"] / _speed_lengths(segments).max())
         least = min(acceleration, reaching)
     for _ in range(_TRIES):
+        # The acceleration of the tool and those of the joints are not proportional, since the postures change: try
+        # again.
         excess = rate_ratio(plan.trajectory, plan.looks, limits.accelerations, 2) / _USED_PART
         if excess <= 1:
             break
@@ -302,6 +307,7 @@ def through_all(
     Raises:
         InvalidParameter: an option has an invalid value, see :func:`arrivals`.
     """
+    # One spline leads through all targets. Its ends are at rest, its targets are not.
     times, is_time_free = arrivals(segments, how, points)
     postures = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
 
@@ -324,10 +330,11 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
         slower: factor by which the move would have to take longer.
         duration: duration that it would then have [s].
     """
+    # Accelerations grow with the square of the speed, and the user has set this one.
     if order == 2 and "acceleration" in how:
         return message(
             "programs.give_acceleration",
-            "give it an acceleration of {acceleration:.3g} m/s² or less, or a lower speed",
+            "give the move an acceleration of {acceleration:.3g} m/s² or less, or a lower speed",
             acceleration=how["acceleration"] / slower**2,
         )
     if "speed" in how:
@@ -353,7 +360,7 @@ def _needed_slowdown(plan: Plan, limits: RateLimits) -> float:
     factors = []
     for order, limit in enumerate(limits, start=1):
         ratio = rate_ratio(plan.trajectory, plan.looks, limit, order)
-        # speeds fall with the factor, accelerations with its square
+        # Speeds fall with the factor, accelerations with its square.
         factors.append(ratio ** (1 / order))
     return float(max(factors) / _USED_PART)
 
@@ -399,6 +406,7 @@ def _plan_in_least_time(
     for segment in segments:
         # The motion of this segment, and the times at which it passes its targets.
         own: tuple[Stretch, ...]
+        # A segment without motion has no fastest law of time. It takes the least time to a target.
         if np.ptp(segment.postures, axis=0).max() < _STAYS:
             own = (rest(segment.end, 0.0, _LEAST_TIME),)
             passes = np.full(len(segment.passes), _LEAST_TIME)
@@ -449,6 +457,7 @@ def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: floa
     speed = speed_of(how)
     laws = []
     for length in np.maximum(_speed_lengths(segments), _LEAST_LENGTH):
+        # A path that is shorter than the ramps never reaches the speed: the law only speeds up and slows down.
         law = cruise(1.0, speed / length, acceleration / length, jerk)
         laws.append(law.slower(max(1.0, _LEAST_TIME / law.duration)))
     return _SegmentLaws(laws, False)
@@ -537,7 +546,9 @@ def _user_times(times: npt.ArrayLike, count: int) -> Vector:
         raise InvalidParameter(
             "times",
             times,
-            message("programs.times_a_target", "{count} times [s], one a target", count=count),
+            message(
+                "programs.times_a_target", "{count} times [s], one for each target", count=count
+            ),
         )
     return _check_times(values, "times", times)
 
@@ -556,6 +567,7 @@ def _check_times(times: Vector, name: str, value: object) -> Vector:
     Raises:
         InvalidParameter: two times are too close or in the wrong order, or the last one is too large.
     """
+    # The first time is measured from 0, so that it has to be positive.
     is_ascending = (np.diff(times, prepend=0.0) >= SHORTEST).all()
     if not (is_ascending and times[-1] <= LONGEST):
         raise InvalidParameter(
@@ -563,7 +575,7 @@ def _check_times(times: Vector, name: str, value: object) -> Vector:
             value,
             message(
                 "programs.time_for_each_target",
-                "such that each target has its time, up to {longest:g} s",
+                "such that the times of the targets ascend, up to {longest:g} s",
                 longest=LONGEST,
             ),
         )

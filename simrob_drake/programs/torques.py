@@ -18,9 +18,8 @@ from simrob_drake.programs.plan import MARGIN, Plan, Remedy
 from simrob_drake.programs.time_optimal import Motors
 
 _FULL = 1.0 + 1e-6  # share of its limit up to which a motor gives a torque, rounding included
-_MOST_TRIES = (
-    8  # largest count of steps in which a move is slowed down; each step comes nearer to the limits
-)
+# Largest count of steps in which a move is slowed down; each step comes nearer to the limits.
+_MOST_TRIES = 8
 
 
 class TorqueShortage(UserWarning):
@@ -97,7 +96,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
             )
             maximum += message(
                 "programs.limit_at_speed",
-                ", {torque:.4g} {unit} at the speed that it has there",
+                ", {torque:.4g} {unit} at its speed there",
                 torque=abs(at_speed[axis]),
                 unit=unit,
             )
@@ -112,11 +111,12 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
                 torque=float(torques[row, axis]),
                 shown=message(
                     "programs.needed_to_hold",
-                    "{needed} to hold still there, and {maximum}; raise servo.torque_limit or lighten the load",
+                    "{needed} to stay at rest there, and {maximum}; raise servo.torque_limit or reduce the load",
                     needed=needed,
                     maximum=maximum,
                 ),
             )
+        # The motion itself is possible, only not in the time that the user wants: a warning is enough.
         factor = slower_factor(motors, plan)
         advice = remedy(factor, factor * plan.duration)
         subject = compound("{point}: {axes}", point=point.name, axes=own.axes[axis])

@@ -6,7 +6,7 @@ from simrob_drake.programs.arm import Workcell
 from simrob_drake.programs.legged_robot import LeggedRobot
 from simrob_drake.programs.program import Program
 from simrob_drake.programs.recorded import STATION
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.config import StationConfig
@@ -23,6 +23,7 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     Raises:
         SimrobError: a move cannot be done. The message names it and the file.
     """
+    # With the file's name, the program is read again, so that its messages name the file and the move.
     source = file or program
     if of_arms(cell, program):
         return cell.perform(source)
@@ -33,7 +34,7 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     # A program that only plays the station's references has no moves that a user could know by their numbers.
     is_named = not program.plays_references
     spans = [replace(span, is_named=is_named) for span in robot.move_spans]
-    return joined(robot.runs, begun=start, left=cell.config, program=text, move_spans=spans)
+    return join_runs(robot.runs, begun=start, left=cell.config, program=text, move_spans=spans)
 
 
 def carried_program(config: StationConfig) -> Program | None:
@@ -63,6 +64,7 @@ def run_whole(config: StationConfig) -> SimulationResult:
 
 def of_arms(cell: Workcell, program: Program) -> bool:
     """Whether arms perform a program: it has a move for arms, or its robots have no legs."""
+    # Only robots with legs go through references here. Arms have their own method for it.
     if program.references:
         return False
     robots = cell.config.robots if program.robot is None else [cell.robot_name(program.robot)]

@@ -25,8 +25,10 @@ SEARCH = COLOURS[7]
 """Colour of the paths that a search for a motion has tried."""
 
 FORCE = COLOURS[1]
+"""Colour of contact forces."""
+
 SUM_OF_FORCES = COLOURS[4]
-"""Colours of contact forces, and of their sum on a body."""
+"""Colour of the sum of the contact forces on a body."""
 
 AXES = ("#ff0000", "#00ff00", "#0000ff")
 """Colours of the world's x, y and z axes, as Meshcat draws them."""
@@ -60,6 +62,7 @@ def _all_looks() -> list[Look]:
     return found
 
 
+# Computed once: every frame of every plot takes its looks from here.
 _LOOKS = _all_looks()
 
 

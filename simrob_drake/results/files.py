@@ -126,8 +126,10 @@ def save_result(
     plot_format(plots)
     if video:
         frame_writer()  # raises an error if the extra is missing
+    # The summary marks a folder as a result: only a folder with one may be replaced.
     with filled_at_once(folder, marker=SUMMARY, force=force) as work:
         _write_data(result, verdict, work)
+        # Plots and pictures need nothing of each other: the copy of the process draws the plots meanwhile.
         with in_background(lambda: _save_plots(result, work / "plots", plots)):
             if recording:
                 save_recording(result, work / "recording.html")
@@ -151,12 +153,14 @@ def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
         _write_program(result, folder)
     if result.commanded:
         controllers = result.config.controllers
+        # Only the commands: the rest of the sections is in the station's file.
         keys = {name: {controllers[name].command_key} for name in result.commanded}
         commands = station_yaml(result.config, only={"controllers": keys})
         (folder / COMMANDS).write_text(commands, encoding="utf-8")
     config = with_tables(result, folder)
     if result.start is not None:
         (folder / START).write_text(result.start.to_json() + "\n", encoding="utf-8")
+        # A path without a folder is relative to the station's file, so that the folder may be moved.
         config = config.model_copy(update={"start": Path(START)})
 
     # Imported here: this module loads the importer of robots, which a run without saving does not need.
@@ -168,10 +172,8 @@ def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
 
 def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
     """Write the plots of a result to a folder."""
-    # imported here, since it loads Matplotlib
-    from simrob_drake.results.plots.own import (
-        save_plots,
-    )
+    # Imported here: it loads Matplotlib, which only the process that draws the plots needs.
+    from simrob_drake.results.plots.own import save_plots
 
     save_plots(result, folder, kind)
 
@@ -207,8 +209,9 @@ def _station_remarks(result: RecordedRun) -> str:
         remarks.append(
             message(
                 "results.station_alone",
-                "This is the station alone, without the diagram in which it was run. Its reference is the recorded one "
-                "(reference.csv); what else the diagram gave it, such as feedforward, is not repeated.",
+                "This file is the station alone, without the diagram in which it ran. Its reference is the "
+                "recorded one (reference.csv). Other inputs from the diagram, such as feedforward torques, are "
+                "missing.",
             )
         )
     if result.start_time > 0:
@@ -281,6 +284,7 @@ def _sampled_reference(
     if isinstance(passed, tuple):
         return _SampledReference(passed, joined_by)
     if passed is not None:
+        # A trajectory is sampled up to the end of the run.
         table = as_reference(passed).table(config.duration)
         return _SampledReference((table.times, table.values), table.interpolation)
     configured = config.reference_of(robot)
@@ -321,6 +325,7 @@ def in_background(work: Callable[[], object]) -> Iterator[None]:
         yield
         _, status = os.waitpid(copy, 0)
     except BaseException:
+        # Killed, not asked to end: files of a copy that is still at work would appear after the error.
         os.kill(copy, signal.SIGKILL)
         os.waitpid(copy, 0)  # otherwise the copy remains as a zombie process
         raise
@@ -351,5 +356,6 @@ def _can_copy_process() -> bool:
     """
     if sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2:
         return False
+    # Threads of C++ libraries count, too; Python's threading module does not list them.
     thread_count = len(os.listdir("/proc/self/task"))
     return thread_count == 1

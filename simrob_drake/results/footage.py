@@ -62,6 +62,7 @@ class Footage:
 
     def __getitem__(self, number: int) -> Image:
         """Return an image by its number. Negative numbers count from the end."""
+        # A range checks the number as a list would, and counts negative ones from the end.
         return self._rendered(range(len(self))[number])
 
     def __iter__(self) -> Iterator[Image]:
@@ -122,6 +123,7 @@ def save_footage(footage: dict[str, Footage], folder: Path, *, video: bool = Fal
         own_folder.mkdir(parents=True)
         for number, image in enumerate(images):
             Picture.fromarray(image.color).save(own_folder / f"color_{number:04d}.png")
+            # PNG has no pixels of floating point numbers: depths are whole millimetres.
             Picture.fromarray(_depth_pixels(image)).save(own_folder / f"depth_{number:04d}.png")
         # At even times. Fewer images than a strip has would be repeated without np.unique.
         shown = np.unique(np.linspace(0, len(images) - 1, _STRIP_COUNT).round().astype(int))

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from html import escape
 
 from simrob_drake.base.remarks import Remark, Severity
-from simrob_drake.results.verdict.words import capitalised
+from simrob_drake.results.verdict.words import capitalize
 
 SEVERITY_COLOURS: dict[Severity, str] = {
     "success": "#0b7a6b",
@@ -31,15 +31,17 @@ def html_of_remarks(sentence: str, remarks: Sequence[Remark], rows: Sequence[Seq
         rows: headings and rows of the table of criteria.
     """
     summary, *warnings = remarks
-    lines = [_coloured(capitalised(sentence), summary.severity)]
+    lines = [_colour_text(capitalize(sentence), summary.severity)]
     for warning in warnings:
+        # Colour alone would not show the severity to people who do not see colours.
         text = f"{warning.severity}: {warning.text}"
         if warning.remedy is not None:
-            text += f". {capitalised(warning.remedy.text)}"
+            text += f". {capitalize(warning.remedy.text)}"
             settings = ", ".join(warning.remedy.settings)
             text += f" ({settings})" if settings else ""
-        lines.append(_coloured(text, warning.severity))
+        lines.append(_colour_text(text, warning.severity))
     page = f"<p>{'<br>'.join(line for line in lines if line)}</p>"
+    # The table of a run without warnings would only repeat that all is within bounds.
     return page + html_table(rows) if warnings else page
 
 
@@ -48,7 +50,7 @@ def _table_row(cells: Sequence[str], tag: str) -> str:
     return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
 
 
-def _coloured(text: str, severity: Severity) -> str:
+def _colour_text(text: str, severity: Severity) -> str:
     """Write a text in the colour of a severity. Returns an empty text unchanged."""
     if not text:
         return ""

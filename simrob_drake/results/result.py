@@ -1,7 +1,7 @@
 """Results of simulations: signals, verdict, plots, files; and results of programs, which join several runs to one.
 
-A *program* is a sequence of runs, each begun where the one before ended. `joined` makes one result of them; nothing is
-simulated again.
+A *program* is a sequence of runs. Each run begins in the state in which the one before ended. `join_runs` makes one
+result of them; nothing is simulated again.
 
 A *handed-over piece* is a piece that hangs on different things in these runs, such as a workpiece that a gripper grasps
 and releases. Its joints differ from run to run, so the runs have different plants. The plant of the program is a
@@ -27,6 +27,7 @@ from simrob_drake.base.folders import check_ending
 from simrob_drake.base.frames import XYZ_QUATERNION_NAMES, Vector, xyz_quaternion_from_transform
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.remarks import Remark
+from simrob_drake.base.renaming import former_names_of
 from simrob_drake.parts.station_plant import StationPlant, StationRobot
 from simrob_drake.results.files import default_folder, save_result
 from simrob_drake.results.html import html_of_remarks, html_table
@@ -128,6 +129,7 @@ def _row_of_axis(result: RecordedRun, robot: StationRobot, index: int) -> list[s
     peak = torque[np.argmax(np.abs(torque))]  # with its sign
     is_prescribed = not result.config.engine.moves_by_forces
     has_limit = not is_prescribed and not robot.gains.passive[index]
+    # The limit at rest. A passive axis and a kinematic station have no torque that could be limited.
     limit = robot.gains.torque_limit[index]
     return [
         f"{robot.prefix}{axis}",
@@ -143,7 +145,7 @@ def _row_of_axis(result: RecordedRun, robot: StationRobot, index: int) -> list[s
 
 @dataclass(frozen=True)
 class SimulationResult(RecordedRun):
-    """The result of a run: signals, verdict, plots and recording. There is one however the run ended.
+    """The result of a run: signals, verdict, plots and recording. A run that failed or was stopped has a result, too.
 
     For example, ``result["q.joint_2"]`` is a column (m,), ``result.axes("tau")`` the torques of all axes (m, n), and
     ``result.save("folder")`` writes plots, tables and a recording.
@@ -156,7 +158,7 @@ class SimulationResult(RecordedRun):
         ending: how the run ended: completed, monitor, diverged, interrupted or failed.
         stopped_by: name of the monitor or block that ended the run; None if the run was completed.
         message: how the run ended, in words.
-        verdict: what was asked of the run against what it did; ``warnings`` and ``remarks`` are parts of it.
+        verdict: comparison of the run with what was asked of it; ``warnings`` and ``remarks`` are parts of it.
         config: configuration of the station in this run.
         plant: the station's plant: ``plant.plant`` is the MultibodyPlant.
         final_state: state of the station at the end, from which another run can begin.
@@ -167,7 +169,7 @@ class SimulationResult(RecordedRun):
         step_times: ends of the accepted steps of the solver [s].
         positions_at: function that computes the plant's positions (k, nq) at times (k,) [s] of the run.
         contacts_at: function that yields Drake's contact results at times (k,) [s]; None if the station has no contact.
-        images: what the cameras recorded, by their names.
+        images: images of the cameras, by the name of the camera.
 
     All further attributes are listed at :class:`simrob_drake.results.record.run.RecordedRun`.
     """
@@ -178,6 +180,7 @@ class SimulationResult(RecordedRun):
         The verdicts about its moves are always among them. The verdict about the run is, if it was evaluated before, or
         could not be evaluated after reading.
         """
+        # Judged now: the functions that measure distances need the plant, and are lost by pickling.
         moves = tuple(replace(move, verdict=judge_move(self, move)) for move in self.moves)
         content = super()._pickled_content() | {"moves": moves}
         # The contacts that a verdict needs cannot be evaluated again if there is a recorded motion only.
@@ -189,6 +192,7 @@ class SimulationResult(RecordedRun):
         """Fields of a pickled result that are computed from its plant, by name."""
         if not self.runs:
             return super()._rebuilt_fields()
+        # A program has no states of its own. Its runs are pickled, and build their plants again.
         motion = _ProgramMotion(self.runs, self.config, self.wandering)
         return {
             "plant": motion.plant,
@@ -218,6 +222,7 @@ class SimulationResult(RecordedRun):
             with_move_names(verdict, self.move_spans),
             ended=self.end_in_words,
             severity_of_end=severity_of_end(self),
+            # The solver's doubts about all runs, each once, see `join_runs`.
             doubts=tuple(self.solver_warnings),
         )
 
@@ -380,7 +385,7 @@ _PositionsOfJoints: TypeAlias = dict[str, Vector]
 """Positions of joints (k, n) at k times, by the name that the joint has in a `State`."""
 
 
-def joined(
+def join_runs(
     runs: Sequence[Run],
     *,
     begun: tuple[StationConfig, State | None] | None = None,
@@ -406,7 +411,7 @@ def joined(
     """
     if not runs:
         raise InvalidParameter(
-            "runs", "empty", message("results.what_was_run_last", "some: what was run last")
+            "runs", "empty", message("results.what_was_run_last", "at least one run")
         )
     stations = [run.config for run in runs]
     if left is not None:
@@ -470,13 +475,15 @@ def joined(
 
 def _check_same_names(stations: Sequence[StationConfig]) -> None:
     """Check that stations have robots and pieces of the same names; raises InvalidParameter if they do not."""
+    # Signals and plants are joined by names: a robot that is missing in one of the runs would have no motion
+    # there.
     for key in ("robots", "pieces"):
         names = {frozenset(getattr(station, key)) for station in stations}
         if len(names) > 1:
             raise InvalidParameter(
                 "runs",
-                message("results.stations_with_other", "of stations with other {key}", key=key),
-                message("results.one_station", "of one station"),
+                message("results.stations_with_other", "of stations with different {key}", key=key),
+                message("results.one_station", "of stations with the same robots and pieces"),
             )
 
 
@@ -510,10 +517,12 @@ def _marks(
     for index, (run, end, (before, after)) in enumerate(changes):
         hand_overs = []
         for name, piece in after.pieces.items():
+            # Only the parent counts here: a piece that is grasped at another place is not handed over.
             if before.pieces[name].parent != piece.parent:
                 hand_overs.append(f"{name} to {piece.parent}")
         is_last = index == len(runs) - 1
-        if hand_overs:  # these say more than the end of the run at the same time
+        # A hand-over replaces the end of the run at the same time: it is the more important event.
+        if hand_overs:
             marks.append(Event(end, ", ".join(hand_overs)))
         elif not is_last:
             marks.append(Event(end, _end_in_words(run)))
@@ -567,7 +576,9 @@ class _ProgramMotion:
             run = self._runs[index]
             is_in_run = run_indices == index
             since_begin = times[is_in_run] - self._begins[index]
+            # Rounded begins may bring a time a little beyond the end of its run, where no state is known.
             since_begin = np.clip(since_begin, 0.0, run.simulated_time)
+            # All times of a run at once: evaluating the states one after another would be slow.
             positions[is_in_run] = self._positions_of[index](run.start_time + since_begin)
         return positions
 
@@ -609,6 +620,8 @@ def _with_signals(whole: Run, kept: Sequence[slice], handed_over: Sequence[str])
     """
     pose_signals = [piece_pose_signal(piece) for piece in handed_over]
     pose_names = [name for signal in pose_signals for name in signal.names]
+    # A piece that is free in one run has its pose as a signal there. The pose of the program's plant replaces
+    # it.
     common = set(whole.runs[0].names).difference(pose_names)
     for run in whole.runs:
         common &= set(run.names)
@@ -630,6 +643,7 @@ def _with_signals(whole: Run, kept: Sequence[slice], handed_over: Sequence[str])
     signals = {}
     for run in whole.runs:
         for signal in run.signals:
+            # Of equal declarations, the latest is kept, with the plots of the last run.
             if common.issuperset(signal.names):
                 signals[signal.names] = signal
     return replace(
@@ -681,6 +695,7 @@ def _positions_in_program(
     # Pieces that hang on something in this run have no joint of their own.
     carried = [piece for piece in handed_over if piece not in run.plant.free_pieces]
     known = _by_joint(run.plant.plant, positions) | _free_positions(run, carried, positions)
+    # Joints have the same names in both plants, but other indices.
     in_program = np.empty((len(times), plant.plant.num_positions()))
     for joint in joints_of(plant.plant):
         in_program[:, joint.positions] = known[joint.name]
@@ -735,6 +750,7 @@ def _end_of_program(last: RecordedRun, count: int, begin: float) -> str:
     if last.runs:  # a program itself, which was cut where something happened
         begin_of_last_part = begin + last.simulated_time - last.runs[-1].simulated_time
         return _end_of_program(last.runs[-1], count, begin_of_last_part)
+    # The time in a monitor's message is that of its run: the user reads times of the program.
     if last.ending == "monitor":
         return at_time_of_program(last.message, begin - last.start_time)
     if count == 1:
@@ -746,3 +762,7 @@ def _end_of_program(last: RecordedRun, count: int, begin: float) -> str:
         count=count,
         begin=begin,
     )
+
+
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"joined": "join_runs"})

@@ -33,7 +33,7 @@ class SavedResult(SavedSignals):
 
     @property
     def message(self) -> str:
-        """How the run ended, in words."""
+        """End of the run, in words."""
         return str(self.summary.get("message", ""))
 
     def __repr__(self) -> str:

@@ -60,6 +60,7 @@ class StationDiagrams:
         self._station = station
         self._blocks = blocks
         self._steps_whole = steps_whole
+        # A block whose output is named as an input of the station drives this input.
         self._driven_inputs = output_owners(blocks)
         self.references = dict(references)
         self.forces = dict(station.config.forces)
@@ -90,6 +91,7 @@ class StationDiagrams:
 
     def forget(self) -> None:
         """Remove the trajectories from the sources of all diagrams, since they may take much memory."""
+        # A source must play something: a constant posture takes no memory.
         nothing = {
             robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()
         }
@@ -98,7 +100,8 @@ class StationDiagrams:
     def _play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
         """Give references and forces to the diagrams that are built already; others get them when they are built."""
         for name in ("whole", "_lean", "_lean_without_forces"):
-            # A cached property is among the object's attributes once it has been computed.
+            # A cached property is among the object's attributes once it has been computed. Asking for it in any other
+            # way would build the diagram.
             if name in self.__dict__:
                 self.__dict__[name].play(references, forces)
 
@@ -111,6 +114,7 @@ class StationDiagrams:
             if f"{robot.prefix}reference" not in self._driven_inputs:
                 references.append(self.references[robot.name])
             references.extend(robot.prescribed.values())
+        # The velocity of a reference jumps at a corner: a step across it is less accurate than the solver estimates.
         times = {time for reference in references for time in corner_times(reference)}
         for force in self.forces.values():
             times.update(force.edges)
@@ -118,8 +122,10 @@ class StationDiagrams:
 
     def diagram_at(self, time: float) -> ClosedStation:
         """Return the diagram that is stepped from a time on [s], up to the next edge."""
+        # A block of the user's own can be in one diagram only.
         if self._blocks or self._steps_whole:
             return self.whole
+        # The diagram without forces only serves engines that hold inputs over a step, see the class.
         if not self._station.engine.holds_inputs_over_steps or not self.forces:
             return self._lean
         for force in self.forces.values():
@@ -168,7 +174,7 @@ class StationDiagrams:
             blocks=self._blocks,
             lean=not self._steps_whole,
         )
-        # The forces may be others by now than those of the station's configuration.
+        # A diagram that is built late has the forces of the configuration, which may have been replaced since.
         diagram.play_forces(self.forces)
         return diagram
 
@@ -214,10 +220,14 @@ class CommandRelay:
         self._begin = begin
         self._functions: CommandFunctions = {}
         if functions is not None:
-            expected = message("simulation.commands_by_controller", "a mapping by controller")
+            expected = message(
+                "simulation.commands_by_controller", "a mapping of controllers to functions"
+            )
             self._functions = instance(functions, "commands", Mapping, expected)
         self._sections = commanded_sections(config.controllers)
-        self._commands: dict[str, list[TimedCommand]] = {}  # commands up to now, by controller
+        # Commands up to now, by the name of the controller.
+        self._commands: dict[str, list[TimedCommand]] = {}
+        # All names are checked before the run, not at its first step.
         for name, function in self._functions.items():
             kind = message("simulation.controller_with_commands", "controller that takes commands")
             one_of(kind, name, self._sections)
@@ -250,11 +260,14 @@ class CommandRelay:
             if answer is None:
                 continue
             section = self._sections[name]
+            # The result's file has the rounded numbers: a run of this file must do the same to the last bit.
             command = section.rounded_command(_checked_command(section, name, time, answer))
             earlier = self._commands.setdefault(name, [])
+            # A command holds until the next one, so an equal command would only make the table longer.
             if earlier and earlier[-1].values == command.values:
                 continue
             earlier.append(command)
+            # The diagram may be another one than at the last step, and each has blocks of its own.
             block = diagram.GetSubsystemByName(f"controller.{name}")
             own_context = block.GetMyMutableContextFromRoot(context)
             cast(TakesCommands, block).command_by_hand(own_context, command.values)
@@ -267,6 +280,7 @@ class CommandRelay:
         """
         if not self._commands:
             return config
+        # Other controllers, and commands of the file before the first of these, stay.
         controllers = dict(config.controllers)
         for name, commands in self._commands.items():
             controllers[name] = controllers[name].with_commands(commands)
@@ -292,6 +306,7 @@ def _checked_command(
     Raises:
         InvalidParameter: the value does not have the finite numbers of the controller's command.
     """
+    # A user's function may return any object, such as a list, a tuple or an array.
     values = numbers(answer)
     parts = section.command_parts
     if values.shape != (len(parts),) or not np.isfinite(values).all():

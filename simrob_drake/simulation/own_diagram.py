@@ -66,15 +66,20 @@ def simulate_diagram(
             open, or the solver cannot run the station in this diagram.
     """
     _check_diagram(diagram, ports)
+    # An open input would be an error of Drake in the first step, which does not name the station's inputs.
     check_inputs(diagram, ports.inputs, may_be_exported=False)
     check_callback(on_step)
     config = with_duration(ports.config, duration)
     ports = _with_signals(diagram, ports, signals)
+    # The whole diagram of the user takes the place of the diagram that a Runner would build.
     built = ClosedStation(diagram, ports)
     root = _context_at_begin(diagram, ports, context=context, start=start, start_time=start_time)
+    # A context at rest is the usual start of a run, for which the solver chooses its first steps as usual.
     begins_in_motion = start is not None or (context is not None and _is_moving(ports, root))
     has_start = context is not None or start is not None
+    # The state is copied now, because the run advances the context.
     first_state = State.of(diagram, ports, root) if has_start else None
+    # The diagram is the same at all times. Robots with the same reference have the same edges, which are stepped once.
     stepper = Stepper(
         config,
         lambda time: built,
@@ -94,16 +99,21 @@ def _check_diagram(diagram: Diagram, ports: StationPorts) -> None:
         "simulation.diagram_with_station", "a Diagram of Drake that contains a station"
     )
     instance(diagram, "diagram", Diagram, expected)
-    expected = message("simulation.station_ports", "what add_station() gave, or station.ports")
+    expected = message(
+        "simulation.station_ports", "the return value of add_station(), or station.ports"
+    )
     instance(ports, "ports", StationPorts, expected)
+    # The station's plant may be in a diagram within the user's diagram.
     if not _contains(diagram, ports.state.get_system()):
         raise InvalidParameter(
             "ports",
-            message("simulation.ports_of_other_diagram", "those of a station in another diagram"),
+            message(
+                "simulation.ports_of_other_diagram", "the ports of a station in another diagram"
+            ),
             message(
                 "simulation.ports_of_this_diagram",
-                "those that add_station() returned for the builder of this diagram, or station.ports of a station "
-                "in it",
+                "the ports that add_station() returned for the builder of this diagram, or "
+                "station.ports of a station in it",
             ),
         )
 
@@ -153,13 +163,15 @@ def _context_at_begin(
         InvalidParameter: there are a context and a state, or one that does not fit the diagram, or no time to keep.
     """
     keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
+    # A context is at its own time in any case, so only the time of a state can be kept.
     if keeps_time and start is None:
         raise InvalidParameter(
             "start_time",
             quoted("keep"),
             message(
                 "simulation.diagram_keep_needs_start",
-                "with a start whose time is kept, such as start=result.final_state; a context has its own time",
+                "used with a start whose time is kept, such as start=result.final_state; a "
+                "context has its own time",
             ),
         )
     if context is not None:
@@ -187,13 +199,15 @@ def _check_context(diagram: Diagram, context: Context) -> None:
     """Check the user's context; raises InvalidParameter: it is none, or that of another system."""
     expected = message(
         "simulation.context_of_diagram",
-        "a Context of the diagram, such as diagram.CreateDefaultContext() gives, or result.context() of an earlier run",
+        "a Context of the diagram, such as diagram.CreateDefaultContext() returns, or "
+        "result.context() of an earlier run",
     )
     instance(context, "context", Context, expected)
     try:
+        # Drake compares the identifiers of the systems, and raises a RuntimeError if they differ.
         diagram.ValidateContext(context)
     except RuntimeError as problem:
-        found = message("simulation.context_of_other_system", "that of another system")
+        found = message("simulation.context_of_other_system", "the context of another system")
         raise InvalidParameter("context", found, expected) from problem
 
 
@@ -225,9 +239,11 @@ def _with_signals(
         "simulation.signals_by_name", "a mapping of names, such as planner.target, to output ports"
     )
     instance(signals, "signals", Mapping, expected)
+    # The caller may run the same ports again without these signals.
     extended = replace(ports, outputs=ports.outputs.make_copy())
     for name, port in signals.items():
         place = message("simulation.signal_called", "signals: {name}", name=name)
+        # Both the part before the last dot and the part behind it have at least one letter.
         is_name = isinstance(name, str) and all(name.rpartition(".")[::2])
         if not is_name:
             example = message(
@@ -246,7 +262,9 @@ def _with_signals(
             found = message("simulation.port_called", "the port {port}", port=port.get_name())
             raise InvalidParameter(place, found, expected)
         block, _, output = name.rpartition(".")
+        # Drake's own systems have no units for their ports.
         units = getattr(port.get_system(), "units", {})
         declare_output(extended, block, port, str(units.get(port.get_name()) or "1"), called=output)
+        # The summary of the result describes each block once, although it may have several signals.
         extended.outputs.notes.setdefault(block, {"kind": type(port.get_system()).__name__})
     return extended

@@ -38,13 +38,28 @@ from simrob_drake.stations.resolve import resolve
 from simrob_drake.stations.solver_config import ContinuousSolver, DiscreteSolver
 from simrob_drake.stations.steps import DISCRETE, bound_steps, controlled_by, set_solver, stiffest
 
-_TRIAL = 0.3  # duration of a trial, by a clock [s]
-_GAIN = 3.0  # a suspect is to blame if a trial without it gets at least so many times as far
-_MOST = 4  # largest count of pairs of bodies for which there is a trial of their own
-_SHORT = 0.1  # steps are short below this share of ``max_step``; a run with longer steps is slow for another reason
-_LOOKS = 3  # count of measurements of a cost; the smallest counts
-_HALF = 0.5  # a part is to blame if it takes at least this share of the cost of a step
-_LONGEST = 1e3  # limit of a trial, in simulated time [s]
+_TRIAL = 0.3
+"""Duration of a trial, by a clock [s]."""
+
+_GAIN = 3.0
+"""A suspect is to blame if a trial without it gets at least so many times as far [1]."""
+
+_MOST = 4
+"""Largest count of pairs of bodies for which there is a trial of their own."""
+
+# A run with longer steps is slow for another reason than their length.
+_SHORT = 0.1
+"""Steps are short below this share of ``max_step`` [1]."""
+
+# Other processes can only make a measurement longer, so the smallest one counts.
+_LOOKS = 3
+"""Count of the measurements of a cost."""
+
+_HALF = 0.5
+"""A part is to blame if it takes at least this share of the cost of a step [1]."""
+
+_LONGEST = 1e3
+"""Limit of a trial, in simulated time [s]."""
 
 Pair = frozenset[str]
 """Names of two bodies that touch; one name if two shapes of a body do."""
@@ -53,16 +68,20 @@ Pair = frozenset[str]
 class FasterStation(NamedTuple):
     """A change of settings that may make a run faster."""
 
-    text: str  # what to set, in words
-    config: StationConfig  # the station with these settings
+    text: str
+    """The settings in words."""
+    config: StationConfig
+    """The station with these settings."""
 
 
 class Expense(NamedTuple):
     """A part of the work in each step."""
 
     name: str
-    cost: float  # by a clock [s]
-    remedy: str  # how to reduce it, in words
+    cost: float
+    """Duration by a clock [s]."""
+    remedy: str
+    """How to reduce the cost, in words."""
 
 
 @dataclass(frozen=True)
@@ -90,6 +109,7 @@ class Slow:
 
     def cause(self) -> str:
         """Find what makes the run slow. Returns the cause and the remedy, in words."""
+        # None means that the solver has steps of a fixed length.
         solver = controlled_by(self.config)
         # Steps of a fixed length, or long ones: the run is slow because each step takes long.
         if solver is None or self.step > _SHORT * solver.max_step:
@@ -112,7 +132,8 @@ class Slow:
             plant = self.built.ports.plant
             spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
             problem = message(
-                "simulation.stiff_forces_make", "forces that are stiff for what they move make"
+                "simulation.stiff_forces_make",
+                "forces that are too stiff for the bodies on which they act make",
             )
             if spring:
                 problem = message(
@@ -120,6 +141,7 @@ class Slow:
                     "{spring} is so stiff that it makes",
                     spring=spring,
                 )
+        # The scheme cenic takes long steps in any contact. Stiff springs and servos need a discrete solver.
         is_cenic_better = pair is not None and not solver.engine.takes_any_contact_stiffness
         remedy = _cenic(self.config) if is_cenic_better else _discrete(self.config)
         return message(
@@ -135,9 +157,11 @@ class Slow:
         """Find the two bodies whose contact makes the run slow. Returns None if no contact does."""
         if self.config.contact is None:
             return None
-        if self.own_blocks:  # no trials are possible: any contact is suspect
+        # No trials are possible: any contact is suspect.
+        if self.own_blocks:
             return next(iter(self._touching_pairs(self.context)), None)
-        counts = Counter[Pair]()  # count of steps of a trial in which each pair touches
+        # Count of the steps of a trial in which each pair touches.
+        counts = Counter[Pair]()
         baseline = self._distance_reached(
             (), lambda context: counts.update(self._touching_pairs(context))
         )
@@ -167,6 +191,7 @@ class Slow:
             look: callback after each step of the trial.
         """
         plant = self.built.ports.plant
+        # The collision filters are in the copied context, so they do not change the run.
         root = self.context.Clone()
         shapes = plant.scene_graph.model_inspector().GetAllGeometryIds(Role.kProximity)
         filters = plant.scene_graph.collision_filter_manager(
@@ -185,12 +210,12 @@ class Slow:
         """Text of a remedy, with the pace of a trial of the station that has its settings, if a trial is possible."""
         if self.own_blocks:
             return remedy.text
-        with suppress(
-            SimrobError, RuntimeError, SystemExit
-        ):  # the settings may be impossible for this station
+        # The settings may be impossible for this station. The remedy is then shown without a trial.
+        with suppress(SimrobError, RuntimeError, SystemExit):
             other = closed_station(resolve(remedy.config), self.built.references, monitors=False)
             simulator = Simulator(other.diagram)
             root = simulator.get_mutable_context()
+            # The other solver has other states, such as discrete ones, so the quantities are set instead of the states.
             State.of(self.built.diagram, self.built.ports, self.context).put(
                 other.diagram, other.ports, root
             )
@@ -214,17 +239,20 @@ class Slow:
         if largest is not None and largest.cost > _HALF * self.cost:
             return message(
                 "simulation.largest_expense",
-                ", of it {name} {cost:.2g} s; {remedy}",
+                ", of which {name} takes {cost:.2g} s; {remedy}",
                 name=largest.name,
                 cost=largest.cost,
                 remedy=largest.remedy,
             )
         # Nothing dominates: only fewer, longer steps help.
         if controlled is not None and self.step < _HALF * controlled.max_step:
-            key = "accuracy"  # the steps are shorter than allowed, so the accuracy limits them
+            # The steps are shorter than allowed, so the accuracy limits them.
+            key = "accuracy"
         else:
             key = self.config.solver.step_key
-        return message("simulation.take_longer_steps", "; take longer ones (solver.{key})", key=key)
+        return message(
+            "simulation.take_longer_steps", "; take longer steps (solver.{key})", key=key
+        )
 
     def _expenses(self) -> list[Expense]:
         """Measure the costs of finding contacts, and of each block that samples, such as a camera."""
@@ -266,7 +294,7 @@ class Slow:
         """
         plant = self.built.ports.plant
         positions = plant.plant_block.GetPositions(plant.plant_block.GetMyContextFromRoot(root))
-        # setting positions clears Drake's cache, so that contacts are computed again
+        # Setting positions clears Drake's cache, so that contacts are computed again.
         plant.set_positions(root, positions)
         query = plant.query(root)
         if surfaces:
@@ -294,6 +322,7 @@ def _time_reached(
     set_solver(simulator, config)
     begin = simulator.get_context().get_time()
     if controlled_by(config) is not None:
+        # The run was at this length. A solver that begins with its own choice would spend the trial on finding it.
         simulator.get_mutable_integrator().request_initial_step_size_target(step)
     end = perf_counter() + _TRIAL
 
@@ -305,9 +334,9 @@ def _time_reached(
         return EventStatus.DidNothing()
 
     simulator.set_monitor(watch)
-    with suppress(
-        RuntimeError, SystemExit
-    ):  # the trial diverged; Drake's failed assertions come as SystemExit
+    # A trial may diverge: how far it got counts all the same. Drake's failed assertions come as SystemExit.
+    with suppress(RuntimeError, SystemExit):
+        # The monitor ends the trial by the clock, long before this time is reached.
         simulator.AdvanceTo(begin + _LONGEST)
     simulator.clear_monitor()
     return float(simulator.get_context().get_time() - begin)
@@ -315,7 +344,8 @@ def _time_reached(
 
 def _sample(block: SampledBlock, root: Context) -> None:
     """Evaluate the sampling of a block once, to measure its cost. The time of the context is changed."""
-    root.SetTime(nextafter(root.get_time(), inf))  # another time clears Drake's cache
+    # Another time clears Drake's cache. The next number of float64 changes nothing else.
+    root.SetTime(nextafter(root.get_time(), inf))
     block.EvalUniquePeriodicDiscreteUpdate(block.GetMyContextFromRoot(root))
 
 
@@ -355,17 +385,33 @@ def _discrete(config: StationConfig) -> FasterStation:
     return FasterStation(DISCRETE, config.model_copy(update=changes))
 
 
-_OVER = 100  # count of the last steps whose mean length is compared with _CREEPING
-_CREEPING = 1e-5  # a run creeps below this mean length of a step [s]: it needs 100000 steps per simulated second
-_PATIENCE = 5.0  # time over which the pace is measured, by a clock [s]
-_SLOWEST = 0.02  # a run is slow below this pace, in simulated seconds per second by a clock
-_BUSY = 0.5  # a process that gets a smaller share of a processor has to wait for other processes
-_OFTEN = 0.02  # shortest time between two readings of the processor's time [s], which is slow on some machines
+_OVER = 100
+"""Count of the last steps whose mean length is compared with `_CREEPING`."""
 
-# A run is paused, such as by a debugger, if one step takes this time by a clock [s], and the process works only for
-# this share of it. The time of a pause does not count.
+_CREEPING = 1e-5
+"""A run creeps below this mean length of a step [s]: it needs 100000 steps per simulated second."""
+
+_PATIENCE = 5.0
+"""Time over which the pace is measured, by a clock [s]."""
+
+_SLOWEST = 0.02
+"""A run is slow below this pace, in simulated seconds per second by a clock [1]."""
+
+# Its time by a clock says little about the work of the station.
+_BUSY = 0.5
+"""A process that gets a smaller share of a processor than this waits for other processes [1]."""
+
+# Reading the processor's time is slow on some machines.
+_OFTEN = 0.02
+"""Shortest time between two readings of the processor's time [s]."""
+
+# A run is paused, such as by a debugger, if one step takes long by a clock, and the process hardly works in this time.
+# The time of a pause does not count.
 _PAUSE = 0.5
+"""Least duration of the step of a pause, by a clock [s]."""
+
 _IDLE = 0.01
+"""Largest share of this duration in which the process works [1]."""
 
 
 class SlowRunWarning(RuntimeWarning):
@@ -382,13 +428,14 @@ def creeping(config: StationConfig, times: Sequence[float], end: float) -> str:
     """
     if controlled_by(config) is None or len(times) <= _OVER:
         return ""
+    # The mean of many steps: after an impact, a few short ones are normal.
     step = (times[-1] - times[-1 - _OVER]) / _OVER
     if step >= _CREEPING:
         return ""
     left = end - times[-1]
     return message(
         "simulation.creeping_steps",
-        "it creeps in steps of {step:.2g} s with {left:.3g} s left; {remedy}",
+        "its steps are only {step:.2g} s long, with {left:.3g} s left; {remedy}",
         step=step,
         left=left,
         remedy=DISCRETE,
@@ -398,8 +445,10 @@ def creeping(config: StationConfig, times: Sequence[float], end: float) -> str:
 class _Clocks(NamedTuple):
     """A reading of both clocks."""
 
-    wall: float  # wall-clock time [s]
-    processor: float  # time for which the process has worked [s]
+    wall: float
+    """Wall-clock time [s]."""
+    processor: float
+    """Time for which the process has worked [s]."""
 
 
 class PaceWatch:
@@ -434,7 +483,8 @@ class PaceWatch:
         self._built = built
         self._own_blocks = own_blocks
         self._show = show
-        self._ends: deque[float] = deque(maxlen=_OVER + 1)  # ends of the last steps [s]
+        # Ends of the last steps [s].
+        self._ends: deque[float] = deque(maxlen=_OVER + 1)
         self._clocks = _Clocks(monotonic(), process_time())
         self._has_warned = False
         self._begin_period(0.0)
@@ -442,8 +492,10 @@ class PaceWatch:
     def _begin_period(self, time: float) -> None:
         """Begin a new period of measurement at a time of the run [s]."""
         self._since = time
-        self._waited = 0.0  # duration of the period by a clock, without pauses [s]
-        self._worked = 0.0  # time for which the process has worked [s]
+        # Duration of the period by a clock, without pauses [s].
+        self._waited = 0.0
+        # Time for which the process has worked [s].
+        self._worked = 0.0
         self._steps = 0
 
     def __call__(self, context: Context) -> None:
@@ -456,6 +508,7 @@ class PaceWatch:
         if self._show is not None:
             self._show(time - self._begin, creeping(self.config, self._ends, self._end))
         self._count_step()
+        # Without any progress of time, as at an event, there is no pace yet.
         if self._waited < _PATIENCE or self._has_warned or time == self._since:
             return
         if time - self._since < _SLOWEST * self._waited:
@@ -474,6 +527,7 @@ class PaceWatch:
         """
         advanced = context.get_time() - self._since
         left = self._end - context.get_time()
+        # Both times are without pauses.
         share = self._worked / self._waited
         rate: str = message(
             "simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited
@@ -483,7 +537,7 @@ class PaceWatch:
         if is_machine_busy:
             rate += message(
                 "simulation.on_share_of_processor",
-                " on {share:.0f} % of a processor ({rate:.2g} × on a whole one)",
+                " with {share:.0f} % of a processor ({rate:.2g} × with a whole processor)",
                 share=100 * share,
                 rate=rate_alone,
             )
@@ -497,7 +551,7 @@ class PaceWatch:
             cause = Slow(self.config, self._built(), context, step, cost, self._own_blocks).cause()
         return message(
             "simulation.rate_with_time_left",
-            "{station} makes {rate} with {left:.3g} s left: {cause}",
+            "{station} runs at {rate} with {left:.3g} s left: {cause}",
             station=self.config.name,
             rate=rate,
             left=left,
@@ -506,6 +560,7 @@ class PaceWatch:
 
     def _count_step(self) -> None:
         """Count a step and, about every 20 ms, add the elapsed times to those of the period unless it was a pause."""
+        # Steps are counted always. The clocks are read seldom: reading them takes as long as a step of a small station.
         self._steps += 1
         now = monotonic()
         if now - self._clocks.wall < _OFTEN:
@@ -514,6 +569,7 @@ class PaceWatch:
         self._clocks = _Clocks(now, process_time())
         waited = self._clocks.wall - before.wall
         worked = self._clocks.processor - before.processor
+        # The process also works a little while it is paused, such as in the debugger's own code.
         is_pause = waited >= _PAUSE and worked <= _IDLE * waited + _OFTEN
         if not is_pause:
             self._waited += waited
@@ -526,12 +582,18 @@ _FLIGHT_STEP = 1e-3
 _FLIGHT_ACCURACY = 1e-3
 """Coarsest accuracy while something flies: a humanoid that moves its legs then keeps its momentum within 0.1 %."""
 
-_LOOK_EVERY = 5  # steps between two checks
-CHECKS_KEPT = 12  # count of the last checks of a run that are kept, for a run that continues it
-_JUST_OVER = (
-    1e-3  # a body that is this far above another one at the start counts as touching it [m]
-)
-_FALLS = 0.3  # all shapes are checked only if a body gains downward speed at this share of gravity
+_LOOK_EVERY = 5
+"""Steps between two checks."""
+
+CHECKS_KEPT = 12
+"""Count of the last checks of a run that are kept, for a run that continues it."""
+
+# Contacts push only where shapes overlap, and a robot that is placed on the floor does not overlap it yet.
+_JUST_OVER = 1e-3
+"""A body that is this far above another one at the start counts as touching it [m]."""
+
+_FALLS = 0.3
+"""All shapes are checked only if a body gains downward speed at this share of gravity [1]."""
 
 
 class Flight:
@@ -552,7 +614,7 @@ class Flight:
         """
         self._plant = plant
         self._solver = solver
-        # weak, since the monitor of the simulator holds this object
+        # A weak reference, since the monitor of the simulator holds this object.
         self._simulator = weakref.ref(simulator)
         joints = [plant.get_joint(index) for index in plant.GetJointIndices()]
         floating = [joint for joint in joints if joint.type_name() == "quaternion_floating"]
@@ -560,6 +622,7 @@ class Flight:
         self._shapes_of_bodies = list[set[GeometryId]]()
         for joint in floating:
             shapes = set[GeometryId]()
+            # A robot on a free base falls as a whole: a contact of any of its links holds all of it.
             for body in plant.GetBodiesKinematicallyAffectedBy([joint.index()]):
                 shapes.update(plant.GetCollisionGeometriesForBody(plant.get_body(body)))
             self._shapes_of_bodies.append(shapes)
@@ -570,9 +633,11 @@ class Flight:
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
         self._steps = 0
         self._is_flying = False
-        self._last_time = -np.inf  # time of the last check [s]
-        self._last_speeds = np.zeros(len(floating))  # vertical velocities at the last check [m/s]
-        self._resumed_at = -np.inf  # there is nothing to check up to this time [s]
+        # Time of the last check [s], and the vertical velocities at this time [m/s].
+        self._last_time = -np.inf
+        self._last_speeds = np.zeros(len(floating))
+        # There is nothing to check up to this time [s].
+        self._resumed_at = -np.inf
         self.checks: deque[FlightCheck] = deque(maxlen=CHECKS_KEPT)
         """The last checks, in order, for a run that continues this one."""
 
@@ -613,6 +678,7 @@ class Flight:
         self._is_flying = is_flying
         if is_flying:
             bound_steps(simulator, self._solver, longest=_FLIGHT_STEP, accuracy=_FLIGHT_ACCURACY)
+        # Back to the limits of the station.
         else:
             bound_steps(simulator, self._solver)
 
@@ -627,7 +693,8 @@ class Flight:
         speeds = self._plant.GetVelocities(self._plant.GetMyContextFromRoot(root))[
             self._vertical_velocities
         ]
-        gain = (self._last_speeds - speeds).max()  # of downward speed [m/s]
+        # Gain of downward speed since the last check [m/s].
+        gain = (self._last_speeds - speeds).max()
         self._last_time = time
         self._last_speeds = speeds
         if self._is_flying or np.isinf(last_time):
@@ -641,10 +708,12 @@ class Flight:
         """
         plant = self._plant
         context = plant.GetMyMutableContextFromRoot(root)
-        if not plant.num_collision_geometries():  # nothing can touch
+        # Without shapes nothing can touch.
+        if not plant.num_collision_geometries():
             return True
         if self._steps > 1:
             return self._is_apart(context)
+        # All floating bodies are lowered for the test, then put back to the last bit.
         positions = plant.GetPositions(context)
         lowered = positions.copy()
         lowered[self._heights] -= _JUST_OVER
@@ -656,6 +725,7 @@ class Flight:
     def _is_apart(self, context: Context) -> bool:
         """Whether, in a context of the plant, a floating body exists that touches nothing but itself."""
         query = self._plant.get_geometry_query_input_port().Eval(context)
+        # Whether there are collisions at all is found faster than the pairs.
         pairs = query.ComputePointPairPenetration() if query.HasCollisions() else []
         touching = [(pair.id_A, pair.id_B) for pair in pairs]
         for shapes in self._shapes_of_bodies:

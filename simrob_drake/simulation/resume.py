@@ -20,7 +20,6 @@ from simrob_drake.stations.steps import controlled_by
 _REPEATED = 10
 """Least count of steps that are repeated. Within so many, a solver that adapts its steps finds their lengths again."""
 
-
 _STRETCH = 1.02
 """Drake's solvers may exceed the length of a step by 1 % to reach the end of the run."""
 
@@ -39,8 +38,10 @@ def last_free_row(history: StateHistory, config: StationConfig) -> int:
     Returns:
         the row of the step, or 0 if there is none.
     """
-    begins = history.times[:-1]  # of the steps that end at rows 1, 2, ...
+    # Times at which the steps begin that end at the rows 1, 2, ...
+    begins = history.times[:-1]
     solver = controlled_by(config)
+    # Steps of a fixed length: only the last one was shortened to end with the run.
     if solver is None:
         return max(len(begins) - 1, 0)
     return int(np.searchsorted(begins, history.end - _STRETCH * solver.max_step, side="right"))
@@ -76,9 +77,12 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
         ]
         if not early:
             return []
+        # The latest of them, so that as few steps as possible are repeated.
         row, check = early[-1]
+    # The run is shorter than the steps that would be repeated.
     if row < 0:
         return []
+    # A solver with steps of a fixed length keeps nothing but the state.
     if controlled_by(config) is None:
         return [Restart(history, row, check=check)]
     # The length that the solver would try next is not recorded. Usually it is the largest one, for which infinity
@@ -90,6 +94,7 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
 def _row_of(history: StateHistory, check: FlightCheck) -> int | None:
     """Row of the step at whose end flight was checked, or None if the history does not contain it."""
     row = int(np.searchsorted(history.times, check.time))
+    # Times are copied, never computed again, so they are equal to the last bit or belong to other steps.
     is_found = row < len(history.times) and history.times[row] == check.time
     return row if is_found else None
 
@@ -118,6 +123,7 @@ class RepeatedSteps:
         Raises:
             StepsDiffer: a step differs.
         """
+        # The steps are compared once, when the last of them is repeated.
         if self._is_compared or recorder.times[-1] < self._end:
             return
         self._is_compared = True
@@ -132,20 +138,20 @@ def _are_equal(history: StateHistory, other: StateHistory) -> bool:
     """Whether two histories of a diagram have the same times and states, to the last bit."""
     pairs = [(history.times, other.times), (history.continuous, other.continuous)]
     pairs += list(zip(history.discrete, other.discrete, strict=True))
+    # A tolerance would hide a difference that grows later: contacts amplify the smallest one.
     return all(np.array_equal(expected, found) for expected, found in pairs)
 
 
 def is_same_motion(first: StationConfig, second: StationConfig) -> bool:
     """Whether two configurations describe the same motion, perhaps of other lengths and sampled at other rates."""
+    # Names do not move anything, and neither does when signals are sampled, or when the run ends.
     ignored = {"duration": 0.0, "sample_rate": 0.0, "name": "", "description": ""}
     return first.model_copy(update=ignored) == second.model_copy(update=ignored)
 
 
 def other_station(config: StationConfig) -> tuple[Message, Message]:
     """Texts of an error for a run that is no run of a station: what it is, and what is expected."""
-    found = message(
-        "simulation.run_of_other_station", "a run of a station that moves in another way"
-    )
+    found = message("simulation.run_of_other_station", "a run of a station with a different motion")
     return found, message(
         "simulation.run_of_this_station", "a run of this station, {name}", name=config.name
     )
@@ -166,6 +172,7 @@ def continuable_trace(result: RecordedRun) -> Trace:
         and result.ending in ("completed", INTERRUPTED)
     ):
         return result.trace
+    # The most particular reason comes first, so that the message gives the remedy for it.
     if result.runs:
         found = message(
             "simulation.program_of_runs", "a program of {count} runs", count=len(result.runs)
@@ -184,7 +191,7 @@ def continuable_trace(result: RecordedRun) -> Trace:
             "simulation.run_that_ended", "a run that ended early ({ending})", ending=result.ending
         )
         expected = message(
-            "simulation.complete_run", "a run that went to its end or was interrupted by the user"
+            "simulation.complete_run", "a run that was completed, or that the user interrupted"
         )
     else:
         found = message(

@@ -39,20 +39,26 @@ from simrob_drake.stations.ports import StationPorts
 OnStep = Callable[[float, Vector], None]
 """Callback of the user after each step, with the time [s] and the positions of the plant (nq,)."""
 
-_INCOMPLETE_ENDINGS = (
-    FAILED,
-    "diverged",
-)  # after such an ending, not every signal can be evaluated
-_ROUNDING = 1e-9  # times that differ by less are equal [s]
-_NO_STATES = StateHistory(np.zeros(1), np.zeros((1, 0)))  # for a sampler that gets its states later
+# The last states may be infinite, or make a block of the user's own fail again.
+_INCOMPLETE_ENDINGS = (FAILED, "diverged")
+"""Endings after which not every signal can be evaluated."""
+
+_ROUNDING = 1e-9
+"""Times that differ by less are equal [s]."""
+
+_NO_STATES = StateHistory(np.zeros(1), np.zeros((1, 0)))
+"""History for a sampler that gets its states later."""
 
 
 class SignalSamples(NamedTuple):
     """Signals of a run at its samples."""
 
-    outcome: Outcome  # how the run ended: as the stepping, or because a block failed when signals were evaluated
-    times: Vector  # times of the samples, shape (m,) [s]
-    values: Vector  # columns of all signals, shape (m, k)
+    outcome: Outcome
+    """How the run ended: as the stepping did, or because a block failed when signals were evaluated."""
+    times: Vector
+    """Times of the samples, shape (m,) [s]."""
+    values: Vector
+    """Columns of all signals, shape (m, k)."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +106,7 @@ class Run:
         on_step: OnStep | None,
         references: dict[str, Reference | Samples],
         start: State | None,
-        hand: Callable[[Context], None] | None = None,
+        pass_commands: Callable[[Context], None] | None = None,
     ) -> SimulationResult:
         """Step the run and make its result.
 
@@ -109,8 +115,8 @@ class Run:
             on_step: callback of the user after each step, or None.
             references: references that the user gave, by robot, for the result.
             start: state from which the run begins, for the result; None for the station's own start.
-            hand: callback after each step with the context, which may change the states of blocks; None if there is
-                none.
+            pass_commands: callback after each step that passes the user's commands to controllers. It gets the context
+                and may change the states of blocks. None if there are no commands.
 
         Raises:
             StepsDiffer: the run continues another one, but the steps that it repeats differ.
@@ -119,10 +125,11 @@ class Run:
             None if self.repeated is None else RepeatedSteps(self.repeated, self.stepper.begin)
         )
         watchers = list[Callable[[Context], None]]()
-        if hand is not None:
-            watchers.append(self._after_repeated(hand))
+        if pass_commands is not None:
+            watchers.append(self._after_repeated(pass_commands))
         if on_step is not None:
             watchers.append(self._after_repeated(_positions_watcher(self.stepper, on_step)))
+        # The bar shows the time since the start of this run, not the time of the whole motion.
         title = message("simulation.simulating", "simulating {station}", station=self.config.name)
         stepper = self.stepper
         with progress_bar(title, self.end - self.begin, shown=truth(progress, "progress")) as show:
@@ -136,13 +143,14 @@ class Run:
             )
             watchers.append(pace)
             recorder, watch = make_recorder(stepper, self.whole, *watchers, repeated=repeated)
+            # A monitor with `hold` counts time since its condition was met, which may be in the earlier run.
             if self.restart is not None:
                 watch.look(self.restart.history.rows(slice(0, self.restart.row)))
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
+        # The user interrupted the steps that are repeated, before the run itself has begun: there is no result.
         if recorder.times[-1] < self.begin:
-            # The user interrupted it within the steps that are repeated: there is no run yet.
             raise KeyboardInterrupt
         known: dict[str, Any] = {
             "stepping_time": stepping_time,
@@ -151,11 +159,12 @@ class Run:
         }
         try:
             return self._make_result(recorder, watch, outcome, **known)
-        except KeyboardInterrupt:  # the user does not want to lose the run
+        # The interrupt came after the stepping. The signals are computed again, so that the run is not lost.
+        except KeyboardInterrupt:
             note(
                 message(
                     "simulation.interrupted_computing",
-                    "interrupted; the signals are computed first, interrupt again to abandon them",
+                    "interrupted; the signals are still computed, interrupt again to abandon them",
                 ),
                 shown=progress,
             )
@@ -184,6 +193,7 @@ class Run:
         if stop is not None and not self.config.engine.has_discrete_states:
             history = self._cut_history(history, watch, stop)
         sampler = self._sampler(history, tolerant=tolerant)
+        # The stepped diagrams need their trajectories no more. The sampler restores those of the whole diagram.
         self.forget()
         end = sampler.history.end
         if outcome.ending == "monitor":
@@ -199,8 +209,10 @@ class Run:
         origin = self.origin or MotionOrigin(
             config, None, self.begin, self.stepper.begins_in_motion
         )
+        # A continued run begins at a step on which the end of this run had no influence.
         free_row = last_free_row(sampler.history, config)
         trace = Trace(sampler.history, self.stepper.flight_checks, origin, free_row)
+        # Only such a run can be continued, so only its final state carries the recorded steps, see `continuable_trace`.
         is_whole = outcome.ending in ("completed", INTERRUPTED) and not self.in_own_diagram
         result = SimulationResult(
             config=config,
@@ -233,6 +245,7 @@ class Run:
             in_own_diagram=self.in_own_diagram,
             **known,
         )
+        # Evaluating the signals has restored the references.
         self.forget()
         return result
 
@@ -296,7 +309,8 @@ class Run:
         if stepped is None:
             return sampler.final_context
         sampler.history.last().put(0, stepped)
-        at_end: Context = stepped.Clone()  # the caller may advance the stepped context further
+        # The caller may advance the stepped context further.
+        at_end: Context = stepped.Clone()
 
         def copied_context() -> Context:
             """Copy the context at the end of the run."""
@@ -340,8 +354,10 @@ class Run:
         except Exception as problem:
             time_of_failure = sampler.looked_at.get_time()
             failed = self.stepper.failure_outcome(problem, sampler.looked_at, time_of_failure)
+            # No block is to blame, or a block has failed again: a shorter history does not help.
             if failed is None or outcome.ending == FAILED:
                 raise
+        # The sample at the failure itself has no value.
         good_times = times[times < time_of_failure]
         sampler.cut(good_times[-1] if good_times.size else self.begin)
         return self._sample(sampler, failed)
@@ -390,6 +406,7 @@ def make_recorder(
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
     look = watch.look if ports.outputs.monitors else None
+    # The comparison comes before the user's callbacks, which must not see steps of a run that is given up.
     compare = [] if repeated is None else [repeated.compare]
     recorder = Recorder(
         stepper.simulator, *watchers, look=look, pace=stepper.pace(), inspect=compare
@@ -429,6 +446,7 @@ def sample_times(end: float, rate: float, *, begin: float = 0.0) -> Vector:
     """
     # The small number keeps rounding from losing a sample at the end.
     intervals = int(np.floor(end * rate + 1e-9))
+    # A quotient of integers has one rounding. A sum of periods would collect one with each sample.
     times = np.arange(intervals + 1) / rate
     if begin > 0:
         times = np.append(begin, times[times > begin + _ROUNDING])
@@ -437,6 +455,7 @@ def sample_times(end: float, rate: float, *, begin: float = 0.0) -> Vector:
 
 ReferenceLike: TypeAlias = Reference | npt.ArrayLike | Samples
 """A trajectory (n, 1), an array (m, 1 + n) with the time first, or a pair of times (m,) and positions (m, n)."""
+
 ReferencesLike: TypeAlias = ReferenceLike | Mapping[str, ReferenceLike] | None
 """A reference for the only robot, or references by robot. None means the references of the station's file."""
 
@@ -453,9 +472,10 @@ def with_duration(config: StationConfig, duration: Any) -> StationConfig:
     """
     if duration is None:
         return config
-    longer = config.model_copy(update={"duration": seconds(duration)})
-    check_effort(longer)
-    return longer
+    changed = config.model_copy(update={"duration": seconds(duration)})
+    # The configuration was checked when it was loaded, with its own duration.
+    check_effort(changed)
+    return changed
 
 
 def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> StationConfig:
@@ -477,6 +497,7 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
         Mapping,
         message("simulation.pushes_by_name", "a mapping of names to pushes"),
     )
+    # Springs, drags and sines belong to the station, and act in every run of it.
     forces: dict[str, Any] = {
         name: force for name, force in config.forces.items() if not isinstance(force, Push)
     }
@@ -487,12 +508,13 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
             continue
         expected = message(
             "simulation.a_push",
-            "a mapping of at, start, duration and force, as under forces: in a station",
+            "a mapping with the keys at, start, duration and force, as under forces: in a station",
         )
         instance(push, key, Mapping, expected)
         try:
             forces[name] = validated(Push, {"kind": "push", **push}, key)
         except InvalidConfig as problem:
+            # The error names the argument of the function, instead of a file's key.
             wrong = compound(
                 "{expected} ({key}: {problem})",
                 expected=expected,
@@ -521,13 +543,14 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Sam
         return {}
     references = reference
     if not isinstance(reference, Mapping):
+        # With several robots, it is not clear which of them the reference is for.
         if config.only_robot is None:
             raise InvalidParameter(
                 "reference",
-                message("simulation.one_for_all", "one for all"),
+                message("simulation.one_for_all", "one reference for several robots"),
                 message(
                     "simulation.mapping_by_robot",
-                    "a mapping by robot: {robots}",
+                    "a mapping of robots to references; the robots are {robots}",
                     robots=", ".join(config.robots),
                 ),
             )
@@ -550,6 +573,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
     if isinstance(reference, ReferenceSignal):
         return reference
     if isinstance(reference, Trajectory):
+        # Drake's trajectory without segments fails an assertion when its size is read.
         empty = (
             isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
         )
@@ -562,11 +586,16 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
             raise InvalidParameter(
                 "reference",
                 message("simulation.trajectory_of", "a trajectory of {shape}", shape=shape),
-                message("simulation.of_shape_n_1", "of shape (n, 1), one row a joint"),
+                message("simulation.of_shape_n_1", "of shape (n, 1), with one row for each axis"),
             )
         return reference
+    # A list of two rows is an array, a tuple of two is a pair: so both forms can be told apart.
     is_pair = isinstance(reference, tuple) and len(reference) == 2
-    times, positions = map(numbers, reference) if is_pair else _split(numbers(reference))
+    if is_pair:
+        times = numbers(reference[0])
+        positions = numbers(reference[1])
+    else:
+        times, positions = _split(numbers(reference))
     if times.ndim != 1 or positions.ndim != 2 or not (times.size and positions.size):
         expected = message(
             "simulation.a_reference",

@@ -1,4 +1,7 @@
-"""Run a station: reference in, result out, however the run ends."""
+"""Run a station: :func:`simulate` runs it once, a :class:`Runner` often, and a :class:`RunBranch` from a common start.
+
+Each of them returns a result, however the run ends. A station's diagrams are built once, and used again by later runs.
+"""
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -58,6 +61,7 @@ StartTime = Literal["zero", "keep"]
 """Time at which a run begins: zero, or the time of the state in which it begins."""
 
 Blocks = Sequence[LeafSystem] | Mapping[str, LeafSystem]
+"""Blocks of the user's own, in a list or by name."""
 
 
 class FailedRunWarning(RuntimeWarning):
@@ -80,44 +84,45 @@ def simulate(
     commands: CommandFunctions | None = None,
     strict: bool = False,
 ) -> SimulationResult:
-    """Run a station and return what happened.
+    """Run a station and return its result.
 
     Args:
-        station: a station's name or YAML file, the content of such a file as a mapping, its configuration, or a
-            station made from one, which is built anew from it.
+        station: a station's name or YAML file, the content of such a file as a mapping, its configuration, or a station
+            that was built from a configuration. Of such a station only the configuration is used: it is built anew.
         overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
-        reference: in place of the configuration's: a trajectory of shape (n, 1), an array (m, 1 + n) whose first
-            column is the time, or a pair of times (m,) and positions (m, n); SI units and radians. With several
-            robots, a mapping by robot. Values are joined by straight lines, as Simulink joins them; in a kinematic
-            station by a smooth curve, since a corner has no acceleration.
-        duration: in place of the configuration's [s].
-        blocks: LeafSystems of your own, in a list or by name. An input that is named as an output of the station reads
-            it; an output that is named as an input of the station (``reference``, ``feedforward`` ...) drives it in
-            place of the configuration's source; other outputs are signals, ``<block>.<output>``.
+        reference: desired positions in place of those of the configuration: a trajectory of shape (n, 1), an array
+            (m, 1 + n) whose first column is the time, or a pair of times (m,) and positions (m, n); in SI units and
+            radians. With several robots, a mapping by robot. Values are joined by straight lines, as in Simulink. In a
+            kinematic station they are joined by a smooth curve, since a corner has no acceleration.
+        duration: length of the run, in place of that of the configuration [s].
+        blocks: LeafSystems of your own, in a list or by name. An input with the name of an output of the station reads
+            this output. An output with the name of an input of the station (``reference``, ``feedforward`` ...) drives
+            this input, in place of the configuration's source. All other outputs are signals, ``<block>.<output>``.
         start: state in which the station begins, such as the ``final_state`` of another result. Without
             ``start_time``, time begins at zero all the same: references, pushes and programs of controllers begin anew,
             and the configuration's references begin where that run's reference ended.
         start_time: ``keep`` continues the run that ended in ``start`` as if it had never been stopped: time goes on,
-            and with it references, pushes and programs. The times of the result are those of the whole motion.
-            Equal to the last bit for the final state of a result; a state from a file continues within the accuracy
-            of the solver.
-        pushes: in place of the configuration's, by name, as in ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
-        progress: show a bar on a terminal.
+            and with it references, pushes and programs. The times of the result are those of the whole motion. The
+            motion is equal to the last bit if ``start`` is the final state of a result. A state from a file continues
+            the motion within the accuracy of the solver.
+        pushes: pushes in place of those of the configuration, by name, as in
+            ``{"shove": {"start": 1, "force": [5, 0, 0]}}``.
+        progress: whether to show a progress bar on a terminal.
         on_step: callback with the time [s] and the positions of the whole plant (nq,): once at the start, and after
             each accepted step, perhaps a few steps beyond a monitor's stop. Each time comes once. The callback cannot
             change the run. Its exceptions are raised to the caller; KeyboardInterrupt ends the run.
-        commands: what walks are asked for while the run is under way, in place of what their sections say: by the name
-            of the controller a function that returns it at a time [s] after each step, as speeds ahead and to the left
-            [m/s] and turn [rad/s], or None to leave it as it is. The sections of the result's configuration hold it
-            as a table: run again, it does the same to the last bit.
-        strict: take warnings of the result for errors.
+        commands: functions that command walks during the run, by the name of the controller, in place of the commands
+            in its section. A function is called with the time [s] after each step. It returns the speeds ahead and to
+            the left [m/s] and the turn [rad/s], or None to leave the command as it is. The configuration of the result
+            has the commands as a table: a run of it repeats this run to the last bit.
+        strict: whether to raise an error if the result has warnings.
 
     Returns:
-        the result, also when a monitor ended the run, when the simulation diverged, or when a block failed.
+        the result, also if a monitor ended the run, if the simulation diverged, or if a block failed.
 
     Raises:
-        SimrobError: input that cannot be run at all.
-        VerdictError: with ``strict`` a run that has warnings, diverged, or in which a block failed.
+        SimrobError: the input cannot be run at all.
+        VerdictError: with ``strict``, the run has warnings, has diverged, or one of its blocks has failed.
     """
     runner = Runner(station, blocks=blocks, overrides=overrides)
     arguments: dict[str, Any] = {
@@ -199,12 +204,13 @@ class Runner:
             SimrobError: there is no such station, an override is invalid, or a block is none.
         """
         self.config = config_of(station, overrides)
+        # Controllers of the kind `python` are blocks of the user's own, too, from code that the station's file names.
         made = own_blocks(self.config.controllers)
         self._user_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
         self._driven = output_owners(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
-        # The same object where nothing changes: it was resolved when it was loaded.
+        # If nothing changes, the same object is used: it was resolved when it was loaded, which is remembered.
         is_same = inputs == self.config.inputs
         self._station = resolve(
             self.config if is_same else self.config.model_copy(update={"inputs": inputs})
@@ -218,11 +224,12 @@ class Runner:
     def like(self, config: StationConfig) -> Self | None:
         """Make a runner of another station that uses the diagrams of this one, or return None if they do not fit.
 
-        References, figures of pushes, the start, the duration and the sample rate may differ; so may names.
+        The stations may differ in references, in times and sizes of pushes, in start, duration, sample rate and name.
         """
         if self._blocks or _without_playable_keys(config) != _without_playable_keys(self.config):
             return None
-        other = copy(self)  # which shares the diagrams
+        # The shallow copy shares the diagrams.
+        other = copy(self)
         other.config = config
         own = config.model_copy(update={"inputs": self._station.config.inputs})
         other._station = replace(self._station, config=own)
@@ -239,7 +246,7 @@ class Runner:
             raise SimrobError(
                 message(
                     "simulation.one_run_at_a_time",
-                    "a Runner serves one run at a time; make a Runner for each thread",
+                    "a Runner makes one run at a time; create a Runner for each thread",
                 )
             )
         self._is_running = True
@@ -286,6 +293,7 @@ class Runner:
             SimrobError: input that cannot be run at all.
             VerdictError: with ``strict``, a run that has warnings, diverged, or in which a block failed.
         """
+        # All arguments are checked before a diagram is built, which takes seconds.
         config = with_pushes(with_duration(self.config, duration), pushes)
         check_callback(on_step)
         requested = by_robot(config, reference)
@@ -301,7 +309,7 @@ class Runner:
                     quoted("keep"),
                     message(
                         "simulation.keep_needs_start",
-                        "a start whose time is kept, such as result.final_state",
+                        "used with a start whose time is kept, such as result.final_state",
                     ),
                 )
             origins = first_state.origins or None
@@ -309,8 +317,10 @@ class Runner:
         else:
             start = self._start_of(config, first_state)
             plan = replace(plan, start=start, origins=_origins(start))
+        # The callbacks are not part of the plan: the same plan may be run in several attempts.
         callbacks = Callbacks(progress=progress, on_step=on_step, commands=commands)
         trace = first_state.valid_trace if keeps_time and first_state is not None else None
+        # Only the final state of a result has recorded steps. A state from a file begins a new motion at its time.
         result = self._continue(plan, callbacks, trace) if trace is not None else None
         if result is None:
             result = self._run(plan, callbacks)
@@ -349,6 +359,7 @@ class Runner:
         expected = message("simulation.a_result", "a result of simulate() or of a Runner")
         trace = continuable_trace(instance(result, "result", SimulationResult, expected))
         check_callback(on_step)
+        # The end is that of the whole motion, not the length of what is added.
         end = seconds(until, "until")
         if end <= result.stop_time:
             later = message(
@@ -357,6 +368,7 @@ class Runner:
                 end=result.stop_time,
             )
             raise InvalidParameter("until", compound("{until:g} s", until=end), later)
+        # The commands of the earlier run are in its configuration. A runner with this configuration repeats them.
         if result.commanded:
             commanded = {name: result.config.controllers[name] for name in result.commanded}
             controllers = {**self.config.controllers, **commanded}
@@ -372,6 +384,7 @@ class Runner:
                 strict=strict,
             )
         config = with_duration(self.config, end - result.start_time)
+        # The earlier run may have had pushes of its own, see `run`.
         config = config.model_copy(update={"forces": result.config.forces})
         plan = RunPlan(
             config,
@@ -387,6 +400,7 @@ class Runner:
         resumed = self._continue(plan, callbacks, trace)
         if resumed is None:
             raise InvalidParameter("result", *other_station(config))
+        # The result is that of the whole motion, and so is the time for stepping it.
         elapsed = result.stepping_time + resumed.stepping_time
         return replace(resumed, stepping_time=elapsed).check(strict)
 
@@ -403,9 +417,11 @@ class Runner:
         Returns:
             the result, or None if nothing repeats the recorded steps to the last bit, since the station is another one.
         """
+        # Callbacks have seen these steps already.
         repeated_until = max(trace.history.end, plan.repeated_until)
         plan = replace(plan, repeated=trace, repeated_until=repeated_until)
         attempts = [replace(plan, restart=restart) for restart in restarts_of(trace, plan.config)]
+        # The last resort is to step the whole motion again. It takes as long as the earlier run did.
         if is_same_motion(trace.origin.config, plan.config):
             attempts.append(replace(plan, origin=trace.origin))
         for attempt in attempts:
@@ -428,7 +444,9 @@ class Runner:
         diagrams = self._diagrams_for(
             config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=plan.end
         )
+        # The diagrams may play other references by the time at which signals are evaluated.
         references = diagrams.references
+        # The states were recorded in another diagram, and could not even be copied.
         if restart is not None and not fits(restart.history, diagrams.whole):
             raise StepsDiffer
         stepper = Stepper(
@@ -443,6 +461,7 @@ class Runner:
             restart=restart,
         )
         context = stepper.simulator.get_mutable_context()
+        # Only the station's own start is checked: a state that was reached in a run may have deep contacts.
         if origin.start is None:
             check_start_overlap(config, stepper.built.ports, context)
         elif restart is None:
@@ -461,6 +480,7 @@ class Runner:
             origin=origin if plan.repeated is None else plan.repeated.origin,
             origins=dict(plan.origins or {}),
         )
+        # The result's configuration names the user's blocks, so that plots and summaries can show them.
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
         own = {
             **config.controllers,
@@ -476,7 +496,7 @@ class Runner:
             on_step=callbacks.on_step,
             references=dict(plan.requested),
             start=plan.start,
-            hand=watch,
+            pass_commands=watch,
         )
         config = relay.config_with_commands(result.config.model_copy(update={"controllers": own}))
         return replace(result, config=config, commanded=relay.names)
@@ -508,13 +528,14 @@ class Runner:
             SimrobError: input that cannot be run at all.
         """
         config = self.config
+        # A branch at an end of the run would have nothing before it, or nothing after it.
         if not 0 < at < config.duration:
             raise InvalidParameter(
                 "at",
                 at,
                 message(
                     "simulation.moment_within_run",
-                    "a moment within the run, over 0 and below {duration:g} s",
+                    "a time within the run, greater than 0 and less than {duration:g} s",
                     duration=config.duration,
                 ),
             )
@@ -529,7 +550,7 @@ class Runner:
         """Former name of :meth:`branch`. It goes in 0.2."""
         text = message(
             "simulation.fork_is_branch",
-            "Runner.fork() is now Runner.branch(); the former name goes in 0.2",
+            "Runner.fork() is now Runner.branch(); the former name is removed in 0.2",
         )
         warnings.warn(text, DeprecationWarning, stacklevel=2)
         return self.branch(at, reference=reference)
@@ -551,6 +572,7 @@ class Runner:
             diagrams = self._diagrams_for(
                 self.config, by_robot(self.config, reference), _origins(start)
             )
+            # Putting the state into a context finds states that do not fit. No step is made.
             built = diagrams.diagram_at(0.0)
             start.put(built.diagram, built.ports, built.diagram.CreateDefaultContext())
 
@@ -582,6 +604,7 @@ class Runner:
             return checked
         rest = {name: np.zeros(len(robot.axes)) for name, robot in robots.items()}
         initial = {name: robot.initial for name, robot in robots.items()}
+        # Prescribed axes may move at the start, so even the station's own start needs a state with their velocities.
         state = checked or State(initial, rest, initial)
         for name, robot in robots.items():
             positions = state.positions.get(name, robot.initial)
@@ -616,17 +639,21 @@ class Runner:
         """
         references = station_references(self._station, requested, origins)
         self._check_references(references, config.duration if end is None else end)
+        # The blocks of forces, and the bodies on which they act, are built into a diagram.
         force_places = [(name, force.kind, force.at) for name, force in config.forces.items()]
         key = (steps_whole, *force_places)
         diagrams = self._diagrams.get(key)
         if diagrams is None or not diagrams.fits(references):
+            # Drake lets a block be in one diagram only, and the earlier diagram has it.
             if self._diagrams and self._blocks:
                 text = message(
                     "simulation.blocks_in_one_diagram",
-                    "blocks stand in one diagram: pushes at other places, and sines, need a Runner with new ones",
+                    "a block can be in one diagram only: pushes at other places, and sine "
+                    "references, need a Runner with new blocks",
                 )
                 raise SimrobError(text)
             station = self._station
+            # Pushes at other places may name bodies that do not exist.
             if config.forces != self.config.forces:
                 station = resolve(station.config.model_copy(update={"forces": config.forces}))
                 check_parts(station)
@@ -646,6 +673,7 @@ class Runner:
             SimrobError: a reference does not fit its robot.
         """
         for robot in self._station.robots.values():
+            # A block of the user's own takes the place of this reference, which then moves nothing.
             if f"{robot.prefix}reference" not in self._driven:
                 check_reference(robot, references[robot.name], duration)
             for place, reference in robot.prescribed.items():
@@ -760,9 +788,8 @@ class RunBranch:
         self._diagrams = diagrams
         self._blocks = blocks
         self._references = diagrams.references
-        self._trunk: SimulationResult | None = (
-            None  # the run up to the branch, with signals; made when it is needed
-        )
+        # The run up to the branch, with signals. It is made when it is needed: `outcome` needs no signals.
+        self._trunk: SimulationResult | None = None
         config_until_branch = self._config.model_copy(update={"duration": at})
         self._stepper = self._make_stepper(config_until_branch, begins_in_motion=begins_in_motion)
         if start is not None:
@@ -780,9 +807,11 @@ class RunBranch:
         Raises:
             InvalidParameter: a push that cannot be.
         """
+        # The run ended before the branch, whatever the pushes after it.
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)
+        # The diagrams may have played the pushes of another branch since.
         self._diagrams.play(self._references, config.forces)
         return self._outcome(
             self._make_stepper(config, reached=self._stepper.simulator.get_context())
@@ -815,6 +844,7 @@ class RunBranch:
         if self._trunk is None:
             self._trunk = self._runner.run(reference=self._reference, duration=self.at)
         trunk = self._trunk
+        # A run that ended before the branch is the whole run.
         if trunk.ending != "completed" or trunk.trace is None:
             return trunk.check(strict)
         # Pushes from the branch on do not change what came before it: the run up to there is one with all of them.
@@ -848,6 +878,7 @@ class RunBranch:
             if isinstance(force, Push) and force.start < self.at
         }
         forces = with_pushes(self._config, pushes).forces
+        # The run up to the branch was stepped without the new pushes, so these cannot begin before.
         for name in pushes:
             push = forces[name]
             if isinstance(push, Push) and push.start < self.at:
@@ -856,7 +887,7 @@ class RunBranch:
                     message("simulation.push_at_time", "a push at {start:g} s", start=push.start),
                     message(
                         "simulation.push_after_branch",
-                        "one at {at:g} s, the branch, or later",
+                        "a push at {at:g} s, the time of the branch, or later",
                         at=self.at,
                     ),
                 )

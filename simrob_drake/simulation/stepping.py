@@ -29,18 +29,27 @@ from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.steps import controlled_by, likely_cause, set_solver, stepped_by
 
-_ROUNDING = 1e-9  # times that differ by less are equal [s]
-_PROGRAMMING_ERRORS = (TypeError, AttributeError, NameError, LookupError)  # no solver raises these
+_ROUNDING = 1e-9
+"""Times that differ by less are equal [s]."""
+
+# Drake raises RuntimeError and SystemExit when a solver fails, never one of these.
+_PROGRAMMING_ERRORS = (TypeError, AttributeError, NameError, LookupError)
+"""Classes of errors that come from faulty code, not from a solver."""
+
 _ENDED = SimulatorStatus.ReturnReason.kReachedTerminationCondition
+"""Drake's reason for a run that a monitor, or the recorder, has ended."""
 
 
 @dataclass(frozen=True)
 class Moment:
     """A station in the middle of a run. Valid only until the run continues, so do not keep it."""
 
-    time: float  # since the start of the run [s]
-    _built: ClosedStation  # the diagram that is stepped
-    _context: Context  # its context
+    time: float
+    """Time since the start of the run [s]."""
+    _built: ClosedStation
+    """The diagram that is stepped, with the station."""
+    _context: Context
+    """Context of this diagram."""
 
     def value(self, output: str) -> Vector:
         """Present value of an output of the station, such as ``position``."""
@@ -80,12 +89,16 @@ class Ticks:
             end: end of the run [s].
             edges: times of the edges [s].
         """
+        # The end of the run is no tick: rounding must not add one just before it.
         count = int(np.ceil(end / self.every - _ROUNDING))
+        # Rounding to a picosecond makes a product such as 3 * 0.1 equal to the time that a file writes, 0.3.
         ticks = [round(self.every * number, 12) for number in range(1, count)]
+        # Infinity stands for "no edge" if there are none.
         known = np.array([np.inf, *edges])
         times = []
         for time in [*ticks, end]:
             nearest_edge = known[np.abs(known - time).argmin()]
+            # Two stops that differ by rounding would have a step of 1e-16 s between them.
             is_edge = abs(nearest_edge - time) < _ROUNDING
             times.append(float(nearest_edge) if is_edge else time)
         return times
@@ -188,6 +201,7 @@ class Stepper:
             begin = restart.time
         self.begin = begin
         self._restart = restart
+        # Edges before the start, as in a run that continues another one, are over.
         self._edges = [edge for edge in edges if begin < edge < self.end] + [self.end]
         self._ticks = ticks
         self._tick_times = set[float]()
@@ -204,12 +218,13 @@ class Stepper:
         has_variable_steps = controlled_by(config) is not None
         self.shortened = 0 if has_variable_steps else None
         self.begins_in_motion = begins_in_motion or reached is not None
-        self._flight: Flight | None = (
-            None  # adapts the steps that are taken now; None for other schemes than cenic
-        )
-        self._flight_checks: list[FlightCheck] = []  # of the flights before this one
+        # Adapts the lengths of the steps that are taken now; None for other schemes than cenic.
+        self._flight: Flight | None = None
+        # Checks by the objects that had this task in earlier diagrams.
+        self._flight_checks: list[FlightCheck] = []
         context = self.simulator.get_mutable_context()
         context.SetTime(begin)
+        # Time and state come from the other stepper, or from the recorded step, if there is one.
         if reached is not None:
             _copy_state(reached, context)
         if restart is not None:
@@ -234,7 +249,8 @@ class Stepper:
             return None
         if self._restart is not None and self._restart.check is not None:
             self._flight.resume(self._restart.check)
-            self._restart = replace(self._restart, check=None)  # the next diagram begins anew
+            # The check belongs to the step of the restart. Later diagrams begin with a check of their own.
+            self._restart = replace(self._restart, check=None)
         return self._flight.look
 
     @property
@@ -262,6 +278,7 @@ class Stepper:
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
         """Step from edge to edge until the run ends. Returns how the run ended."""
         try:
+            # A monitor may end the run at its start already, which the status reports.
             status = self._initialize()
             for edge in self._edges:
                 if status.reason() == _ENDED:
@@ -273,7 +290,9 @@ class Stepper:
                     break
         except KeyboardInterrupt:
             return interruption_outcome(self._config, recorder, self.end)
-        except (Exception, SystemExit) as problem:  # Drake's failed assertions come as SystemExit
+        # Drake's failed assertions come as SystemExit.
+        except (Exception, SystemExit) as problem:
+            # A callback of the user has failed: the caller gets its exception.
             if recorder.failure is not None:
                 raise
             # A monitor may have ended the run at a step before the failure. It may also evaluate the failed block.
@@ -285,14 +304,17 @@ class Stepper:
                 or failed
                 or self._divergence_outcome(recorder, problem)
             )
-        recorder.look()  # the monitors have not seen the last steps yet
+        # The monitors have not seen the last steps yet.
+        recorder.look()
         stopped = self._monitor_outcome(watch)
         if stopped is not None:
             return stopped
         if not recorder.is_sane():
             return self._divergence_outcome(
                 recorder,
-                RuntimeError(message("simulation.state_ran_away", "a state ran away to infinity")),
+                RuntimeError(
+                    message("simulation.state_ran_away", "a state grew beyond any physical value")
+                ),
             )
         if status.reason() == _ENDED:
             return Outcome(
@@ -325,8 +347,9 @@ class Stepper:
         Raises:
             RuntimeError: the state diverged.
         """
-        # row of the last recorded state before the time
+        # Row of the last recorded state before the time.
         before = int((history.times < time).sum()) - 1
+        # The diagram that was stepped at that time, with the pushes of that time.
         built = self._diagram_at(float(history.times[before]))
         # A copy of the caller's context has its parameters, which a default context may not have.
         own_context = None if self.user_context is None else self.user_context.Clone()
@@ -334,12 +357,13 @@ class Stepper:
         history.put(before, simulator.get_mutable_context())
         flight = self._make_flight(built, simulator)
         recorder = Recorder(simulator, pace=None if flight is None else flight.look)
+        # The step is made with the same limits as in the run, so it is a part of the recorded step.
         simulator.AdvanceTo(time)
         if not recorder.is_sane():
             raise RuntimeError(
                 message(
                     "simulation.state_ran_away_between",
-                    "a state ran away between two recorded ones",
+                    "a state grew beyond any physical value between two recorded states",
                 )
             )
         return recorder.history().last()
@@ -349,10 +373,12 @@ class Stepper:
 
         Returns True if a monitor or the callback ends the run.
         """
-        assert self._ticks is not None  # a tick was reached
+        # A tick was reached, so there are ticks.
+        assert self._ticks is not None
         moment = Moment(time, self.built, self.simulator.get_context())
         is_ended = recorder.look() or self._ticks.tell(moment)
-        if not is_ended and time < self._edges[-1]:  # the last edge is the end of the run
+        # The last edge is the end of the run, after which no step follows.
+        if not is_ended and time < self._edges[-1]:
             self._restart_solver(recorder)
         return is_ended
 
@@ -362,7 +388,8 @@ class Stepper:
         time = context.get_time()
         self._count_steps()
         set_solver(self.simulator, self._config)
-        context.SetTime(time)  # a new integrator has set it to zero
+        # A new integrator has set the time to zero.
+        context.SetTime(time)
         recorder.attach(self.simulator, self.pace())
         self._initialize_in_motion()
 
@@ -374,12 +401,14 @@ class Stepper:
             return
         self._count_steps()
         self.built = built
+        # All diagrams of a run have the same states in the same order.
         _copy_state(context, self.simulator.get_mutable_context())
         recorder.attach(self.simulator, self.pace())
         self._initialize_in_motion()
 
     def _count_steps(self) -> None:
         """Add the shortened steps of the present integrator to the count, before the integrator is replaced."""
+        # Solvers with steps of one length try no step again.
         if self.shortened is not None:
             integrator = self.simulator.get_integrator()
             self.shortened += integrator.get_num_step_shrinkages_from_error_control()
@@ -395,6 +424,7 @@ class Stepper:
         """
         if self._restart is not None:
             return self._initialize_again(self._restart)
+        # The settings of a scheme that holds inputs over a step; other schemes have none here.
         is_cenic = stepped_by(self._config) is not None
         if self.begins_in_motion and is_cenic:
             return self._initialize_in_motion()
@@ -411,6 +441,7 @@ class Stepper:
         """Initialize the simulator at a recorded step, with the length of the next step that the restart tries."""
         integrator = self.simulator.get_mutable_integrator()
         if restart.first_step is not None and not integrator.get_fixed_step_mode():
+            # Infinity stands for the largest length.
             first_step = min(restart.first_step, integrator.get_maximum_step_size())
             integrator.request_initial_step_size_target(first_step)
         return self.simulator.Initialize()
@@ -467,6 +498,7 @@ class Stepper:
         for frame, line in reversed(trace):
             for name, block in self._blocks.items():
                 if _runs_code_of(frame, block):
+                    # The name of a port says more to the user than that of a function in the block.
                     where = _failing_port(block, context, type(problem)) or frame.f_code.co_name
                     text = message(
                         "simulation.code_of_block_failed",
@@ -488,7 +520,7 @@ class Stepper:
             )
             text = message(
                 "simulation.fault_of_program",
-                "a fault of the program, at {time:.4g} s: {error} ({where})",
+                "an error in the code at {time:.4g} s: {error} ({where})",
                 time=time,
                 error=error,
                 where=where,
@@ -504,9 +536,8 @@ class Stepper:
             problem: the exception, whose first sentence is shown.
         """
         first_sentence = message_of(problem)
-        if not isinstance(
-            first_sentence, Message
-        ):  # an error of Drake, which may have several sentences and lines
+        # An error of Drake may have several sentences and lines.
+        if not isinstance(first_sentence, Message):
             first_sentence = " ".join(first_sentence.split()).split(". ")[0].rstrip(".")
         # A block that cannot compute its output says so itself. Otherwise solver and servos are examined.
         has_cause = isinstance(problem, ValueError) or "cannot be computed" in first_sentence
@@ -537,6 +568,7 @@ def interruption_outcome(config: StationConfig, recorder: Recorder, end: float) 
         end: planned end of the run [s].
     """
     text = message("simulation.interrupted", "interrupted at {time:.4g} s", time=recorder.times[-1])
+    # A user who interrupts a run most often does so because it takes too long.
     slow = creeping(config, recorder.times, end)
     if slow:
         text += compound("; {slow}", slow=slow)
@@ -548,6 +580,7 @@ def _runs_code_of(frame: FrameType, block: LeafSystem) -> bool:
 
     A function that does not use ``self``, inside of a method that the block's class inherits, is not found.
     """
+    # The local variable `self` of a method is the block, unless the method gives it another name.
     if "self" in frame.f_locals:
         return frame.f_locals["self"] is block
     # Functions that do not use `self` are recognised by the class in their names, such as `Gain.sample.<lambda>`.
@@ -559,6 +592,7 @@ def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]
     for index in range(block.num_output_ports()):
         port = block.get_output_port(index)
         try:
+            # The traceback shows the line, but not which output was evaluated, so all are tried once more.
             port.Eval(block.GetMyContextFromRoot(context))
         except kind:
             return message("simulation.output_called", "its output {port}", port=port.get_name())
@@ -568,6 +602,7 @@ def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]
 def _copy_state(source: Context, target: Context) -> None:
     """Copy time and state between contexts of the same layout."""
     target.SetTime(source.get_time())
+    # Drake fails an assertion if an empty state is set.
     if source.num_continuous_states():
         target.SetContinuousState(source.get_continuous_state_vector().CopyToVector())
     for group in range(source.num_discrete_state_groups()):

@@ -20,7 +20,8 @@ from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.base.yaml_files import is_yaml_name
-from simrob_drake.importer.importing import gains_of, robot_from_file
+from simrob_drake.importer.gains import gains_of
+from simrob_drake.importer.importing import robot_from_file
 from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.importer.robot_files import robot_file
 from simrob_drake.robots.catalog import RobotModel

@@ -190,8 +190,11 @@ def _friction_finding(
     return Finding("warning", message("stations.friction_subject", "joint friction"), text)
 
 
-_ESTIMATED = re.compile(r"estimated: |a (small )?ball: ")
-"""Part of the English text of a report's entry about an inertia that the import estimated."""
+_ESTIMATED = re.compile(r"estimated (from|as) |estimated: |a (small )?ball: ")
+"""Part of the English text of a report's entry about an inertia that the import estimated.
+
+Reports of earlier imports have the second or third form.
+"""
 
 _LINK_OF_ENTRY = re.compile(r"link '(.*)'")
 """Start of the English name of an element of a link, with the link's name."""

@@ -85,5 +85,5 @@ def test_an_invalid_limit_is_refused(limit):
 
 
 def test_a_missing_limit_is_refused():
-    with pytest.raises(SimrobError, match=r"monitors\.power_limit\.limit: this key is needed"):
+    with pytest.raises(SimrobError, match=r"monitors\.power_limit\.limit: this key is required"):
         load_station("irb120_dynamic", {"monitors.power_limit": {}})

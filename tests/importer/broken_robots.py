@@ -403,13 +403,13 @@ RESOLVING = [
     Defect(
         "model",
         foot("model://arm_support/meshes/foot.stl"),
-        "repaired: foot.stl' (48 faces) is now",
+        "repaired: foot.stl' (48 faces) becomes",
     ),
-    Defect("relative path", foot("../meshes/foot.stl"), "repaired: foot.stl' (48 faces) is now"),
+    Defect("relative path", foot("../meshes/foot.stl"), "repaired: foot.stl' (48 faces) becomes"),
     Defect(
         "no way up",
         foot("meshes/foot.stl"),
-        "repaired: (48 faces) is now meshes/foot_visual_1.obj; found as",
+        "repaired: (48 faces) becomes meshes/foot_visual_1.obj; found as",
     ),
     Defect(
         "path of its author",
@@ -427,17 +427,17 @@ RESOLVING = [
     Defect(
         "backslashes",
         foot(r"package://arm_support\meshes\foot.stl"),
-        "repaired: foot.stl' (48 faces) is now",
+        "repaired: foot.stl' (48 faces) becomes",
     ),
     Defect(
         "xacro's find",
         foot("$(find arm_support)/meshes/foot.stl"),
-        "repaired: foot.stl' (48 faces) is now",
+        "repaired: foot.stl' (48 faces) becomes",
     ),
     Defect(
         "blanks in percent",
         foot_file("my%20foot.stl", FOOT),
-        "repaired: my%20foot.stl' (48 faces) is now",
+        "repaired: my%20foot.stl' (48 faces) becomes",
     ),
     Defect(
         "unknown package",
@@ -463,18 +463,16 @@ RESOLVING = [
         foot("package://arm_support/meshes"),
         "dropped: mesh 'package://arm_support/meshes'",
     ),
-    Defect(
-        "outside by dots", foot("../../../secret.stl"), "error: lies outside of the allowed folders"
-    ),
+    Defect("outside by dots", foot("../../../secret.stl"), "error: is outside the allowed folders"),
     Defect(
         "outside by package",
         foot("package://arm_support/../../secret.stl"),
-        "error: lies outside of the allowed",
+        "error: is outside the allowed",
     ),
     Defect(
         "outside by a link",
         all_of(link("meshes/out.stl", "../../../secret.stl"), foot("../meshes/out.stl")),
-        "error: mesh '../meshes/out.stl': lies outside of the allowed folders",
+        "error: mesh '../meshes/out.stl': is outside the allowed folders",
     ),
     Defect(
         "link in a circle",
@@ -485,36 +483,36 @@ RESOLVING = [
         "on the network", foot("https://example.org/meshes/foot.stl"), "dropped: is on the network"
     ),
     Defect("device", foot("/dev/zero"), "dropped: mesh '/dev/zero' there is no such file"),
-    Defect("no manifest", without("package.xml"), "repaired: foot.stl' (48 faces) is now"),
+    Defect("no manifest", without("package.xml"), "repaired: foot.stl' (48 faces) becomes"),
     Defect(
         "manifest is garbage",
         file("package.xml", b"\xff\0<"),
-        "repaired: foot.stl' (48 faces) is now",
+        "repaired: foot.stl' (48 faces) becomes",
     ),
 ]
 
 MESHES = [
-    Defect("STL in words", foot_file("a.stl", ASCII_STL), "repaired: a.stl' (12 faces) is now"),
+    Defect("STL in words", foot_file("a.stl", ASCII_STL), "repaired: a.stl' (12 faces) becomes"),
     Defect(
         "STL in words, cut off",
         foot_file("a.stl", ASCII_STL[:700]),
-        "dropped: a.stl' holds no triangles",
+        "dropped: a.stl' contains no triangles",
     ),
     Defect(
         "binary STL that begins as words",
         foot_file("a.stl", b"solid" + FOOT[5:]),
         "repaired: a.stl' (48 faces)",
     ),
-    Defect("STL in capitals", foot_file("A.STL", FOOT), "repaired: A.STL' (48 faces) is now"),
+    Defect("STL in capitals", foot_file("A.STL", FOOT), "repaired: A.STL' (48 faces) becomes"),
     Defect(
         "STL cut off",
         foot_file("a.stl", FOOT[:700]),
-        "dropped: a.stl' is cut off: of its 48 faces 12 are there",
+        "dropped: a.stl' is cut off: it contains 12 of its 48 faces",
     ),
     Defect(
         "STL with more behind",
         foot_file("a.stl", FOOT + b"more"),
-        "read: 4 bytes after its last face left out",
+        "read: has 4 bytes after its last face, which are ignored",
     ),
     Defect(
         "STL of garbage", foot_file("a.stl", bytes(range(256)) * 9), "dropped: a.stl' is cut off"
@@ -524,7 +522,7 @@ MESHES = [
     Defect(
         "faces without area",
         foot_file("a.stl", binary_stl(NEEDLES)),
-        "dropped: holds no triangle with an area",
+        "dropped: contains no triangle with an area",
     ),
     Defect(
         "some faces without area",
@@ -536,7 +534,7 @@ MESHES = [
         foot_file("a.stl", binary_stl(NAN_STL)),
         "repaired: 1 degenerate faces left",
     ),
-    Defect("flat mesh", foot_file("a.stl", binary_stl(FLAT)), "repaired: a.stl' (2 faces) is now"),
+    Defect("flat mesh", foot_file("a.stl", binary_stl(FLAT)), "repaired: a.stl' (2 faces) becomes"),
     Defect(
         "flat mesh to collide with",
         all_of(
@@ -544,12 +542,12 @@ MESHES = [
             swap("</inertial>\n    <visual>", "</inertial><collision>"),
             swap(f"</geometry>{FOOT_MATERIAL}</visual>", "</geometry></collision>"),
         ),
-        "repaired: mm thick",
+        "repaired: thickened to",
     ),
     Defect(
         "huge mesh",
         huge_foot,
-        "repaired: (81920 faces) is now meshes/foot_visual_1.obj; decimated from 81920",
+        "repaired: (81920 faces) becomes meshes/foot_visual_1.obj; decimated from 81920",
     ),
     Defect(
         "200 MB",
@@ -559,7 +557,7 @@ MESHES = [
     Defect(
         "unknown format",
         foot_file("foot.step", FOOT),
-        "dropped: is of a format '.step' that is not read",
+        "dropped: has the format '.step', which is not read",
     ),
     Defect("STL called OBJ", foot_file("foot.obj", FOOT), "dropped: foot.obj'"),
     Defect(
@@ -575,7 +573,7 @@ MESHES = [
     Defect(
         "DAE with Y up",
         file("meshes/upper.dae", DAE.replace("Z_UP", "Y_UP")),
-        "read: up axis Y_UP is ignored",
+        "read: has the up axis Y_UP, which is ignored",
     ),
     Defect(
         "DAE in inches",
@@ -603,7 +601,7 @@ MESHES = [
     Defect(
         "OBJ of points",
         file("meshes/lower.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n"),
-        "dropped: holds no triangles",
+        "dropped: contains no triangles",
     ),
     Defect("GLB cut off", file("meshes/hand.glb", GLB[:200]), "dropped: hand.glb'"),
     Defect(
@@ -614,11 +612,15 @@ MESHES = [
     Defect(
         "GLB of billions",
         file("meshes/hand.glb", BILLIONS),
-        "dropped: asks for more numbers than a mesh has",
+        "dropped: declares more data than a mesh has",
     ),
     Defect("scale one number", foot_scale("0.5"), "repaired: scaled by 0.5"),
     Defect("scale mirrors", foot_scale("1 -1 1"), "repaired: scaled by 1 -1 1"),
-    Defect("scale zero", foot_scale("0 1 1"), 'repaired: scale="0 1 1" is no scale; 1 is taken'),
+    Defect(
+        "scale zero",
+        foot_scale("0 1 1"),
+        'repaired: scale="0 1 1" is not one or three numbers other than 0',
+    ),
     Defect("scale is no number", foot_scale("nan nan nan"), 'dropped: scale="nan nan nan" is not'),
     Defect(
         "scale of two numbers",
@@ -663,7 +665,7 @@ SHAPES = [
     Defect(
         "two shapes",
         swap(UPPER_BOX, f'{UPPER_BOX}<sphere radius="1"/>'),
-        "dropped: <sphere>: a <geometry> holds one shape",
+        "dropped: <sphere> is left out: a <geometry> has one shape",
     ),
     Defect(
         "no geometry", swap(f"<geometry>{UPPER_BOX}</geometry>", ""), "dropped: has no <geometry>"
@@ -679,59 +681,65 @@ NAMES = [
     Defect(
         "robot without a name",
         swap('<robot name="arm">', "<robot>"),
-        "repaired: has no name; called 'arm'",
+        "repaired: has no name; named 'arm'",
     ),
     Defect(
         "joint without a name",
         swap(' name="elbow"', ""),
-        "repaired: joint 'upper_to_lower': had no name",
+        "repaired: joint 'upper_to_lower': has no name in the file",
     ),
     Defect(
         "link without a name",
         swap('<link name="tcp"/>', "<link/>"),
-        "repaired: link 'tcp': had no name; a joint",
+        "repaired: link 'tcp': has no name in the file; joints refer",
     ),
     Defect(
-        "two links without names", add("<link/><link/>"), "repaired: link 'link_2': had no name"
+        "two links without names",
+        add("<link/><link/>"),
+        "repaired: link 'link_2': has no name in the file",
     ),
     Defect(
         "blanks around a name",
         swap('link="tcp"', 'link=" tcp"'),
-        "repaired: link=' tcp' has blanks around it",
+        "repaired: link=' tcp' has blanks at its ends",
     ),
     Defect(
         "name in another case",
         swap('child link="tcp"', 'child link="TCP"'),
         "repaired: which differs in case",
     ),
-    Defect("link twice, the same", add('<link name="tcp"/>'), "dropped: link 'tcp': stands twice"),
+    Defect(
+        "link twice, the same", add('<link name="tcp"/>'), "dropped: link 'tcp': is defined twice"
+    ),
     Defect(
         "link twice, different",
         add('<link name="upper"><visual/></link>'),
-        "error: link 'upper': stands twice",
+        "error: link 'upper': is defined twice",
     ),
     Defect(
-        "joint twice, the same", add(FLANGE), "dropped: joint 'flange': stands twice, word for word"
+        "joint twice, the same",
+        add(FLANGE),
+        "dropped: joint 'flange': is defined twice with the same content",
     ),
     Defect(
         "joint twice, different",
         add(_joint("flange", "lower", "tcp")),
-        "error: joint 'flange': stands twice",
+        "error: joint 'flange': is defined twice",
     ),
     Defect(
         "two joints of a name",
         add('<link name="pin"/>' + _joint("elbow", "hand", "pin")),
-        "repaired: joint 'elbow_2': was a second joint called 'elbow'",
+        "repaired: joint 'elbow_2': was a second joint with the name 'elbow'",
     ),
     Defect(
         "names of any letters",
         swap('name="elbow"', 'name="codo/é 1"'),
-        "dropped: 'elbow' is no joint that moves",
+        "dropped: 'elbow': this is not a joint that moves",
     ),
     Defect(
         "name as Drake's world",
         swap('name="tcp"', 'name="world"'),
-        "dropped: joint 'flange': its child 'tcp' is no",
+        "dropped: joint 'flange': its <child> 'tcp' is not",
     ),
     Defect(
         "material not defined",
@@ -742,7 +750,7 @@ NAMES = [
     Defect(
         "material redefined",
         add(ORANGE.replace("0.5", "0.1")),
-        "dropped: defined again, with another colour",
+        "dropped: is defined again with the colour",
     ),
     Defect("colour of three", swap("1 0.5 0 1", "1 0.5 0"), 'repaired: written as "1 0.5 0 1"'),
     Defect("colour to 255", swap("1 0.5 0 1", "255 128 0 255"), "repaired: material 'orange'"),
@@ -751,12 +759,12 @@ NAMES = [
         swap("1 0.5 0 1", "orange"),
         'dropped: rgba="orange" is not 3 or 4 finite numbers',
     ),
-    Defect("texture", swap(ORANGE, TEXTURE), "dropped: its texture 'wood.png'"),
+    Defect("texture", swap(ORANGE, TEXTURE), "dropped: its texture 'wood.png' is not imported"),
 ]
 
 TREE = [
     Defect(
-        "no parent", swap('<parent link="upper"/>', ""), "error: joint 'elbow': it has no parent"
+        "no parent", swap('<parent link="upper"/>', ""), "error: joint 'elbow': has no <parent>"
     ),
     Defect(
         "parent is no link",
@@ -766,17 +774,17 @@ TREE = [
     Defect(
         "child is no link",
         swap('<child link="lower"/>', '<child link="none"/>'),
-        "error: joint 'elbow': its child",
+        "error: joint 'elbow': its <child>",
     ),
     Defect(
         "leaf is no link",
         swap('<child link="tcp"/>', '<child link="none"/>'),
-        "dropped: its child 'none' is no",
+        "dropped: its <child> 'none' is not",
     ),
     Defect(
         "link on its own",
         add('<link name="table"/>'),
-        "dropped: link 'table': no joint leads to it; left out",
+        "dropped: link 'table': no joint connects this link with the robot; left out",
     ),
     Defect("two robots", add(ANOTHER_ARM), "error: has 2 root links (foot, a)"),
     Defect(
@@ -797,7 +805,7 @@ TREE = [
     Defect(
         "closing joint",
         add('<loop_joint name="l"/>'),
-        "error: <loop_joint> 'l': is no part of a tree",
+        "error: <loop_joint> 'l': does not fit into a robot",
     ),
     Defect(
         "joint not closed", swap("<joint", "<knot"), "error: is not XML: mismatched tag at line"
@@ -805,7 +813,7 @@ TREE = [
     Defect(
         "world below",
         add('<link name="world"/>' + _joint("b", "world", "foot")),
-        "repaired: was called 'world'",
+        "repaired: had the name 'world'",
     ),
     Defect(
         "world that is no link",
@@ -820,7 +828,7 @@ TREE = [
     Defect(
         "joint commented out",
         swap(FLANGE, f"<!-- {FLANGE} -->"),
-        "dropped: link 'tcp': no joint leads to it",
+        "dropped: link 'tcp': no joint connects this link with the robot",
     ),
     Defect(
         "shape commented out",
@@ -830,7 +838,7 @@ TREE = [
     Defect(
         "dashes in a comment",
         swap(UPPER_BOX, f"<!-- a -- b -->{UPPER_BOX}"),
-        "repaired: 1 comment(s) hold --",
+        "repaired: 1 comment contains --",
     ),
     Defect(
         "gazebo",
@@ -860,38 +868,38 @@ JOINTS = [
     Defect(
         "no type",
         swap(ELBOW, ELBOW.replace(' type="revolute"', "")),
-        "error: joint 'elbow': it has no type",
+        "error: joint 'elbow': has no type",
     ),
     Defect(
         "type in capitals",
         swap(ELBOW, ELBOW.replace("rev", "Rev")),
-        "repaired: joint 'elbow': its type is 'Rev",
+        "repaired: joint 'elbow': has the type 'Rev",
     ),
     Defect(
         "unknown type",
         swap(ELBOW, ELBOW.replace("revolute", "ball")),
-        "error: joint 'elbow': its type is 'ball'",
+        "error: joint 'elbow': has the type 'ball'",
     ),
     Defect(
         "planar",
         swap(ELBOW, ELBOW.replace("revolute", "planar")),
-        "error: joint 'elbow': is planar",
+        "error: joint 'elbow': has the type planar",
     ),
     Defect(
         "floating inside",
         swap(ELBOW, ELBOW.replace("revolute", "floating")),
-        "error: joint 'elbow': is floating",
+        "error: joint 'elbow': has the type floating",
     ),
     Defect(
         "floating root",
         add('<link name="odom"/>' + _joint("float", "odom", "foot", "floating")),
-        "repaired: joint 'float': floats below 'odom', which is left out",
+        "repaired: joint 'float': floats at the empty root 'odom'",
     ),
     Defect("nothing moves", fixed_all, "error: has no joint that moves"),
     Defect(
         "mimic",
         add(FINGER.format('<axis xyz="1 0 0"/><mimic joint="elbow"/>')),
-        "read: mimics 'elbow' by 1 with an offset of 0: stations couple them",
+        "read: mimics 'elbow' with a multiplier of 1 and an offset of 0; stations couple",
     ),
     Defect(
         "mimic of nothing",
@@ -906,12 +914,12 @@ JOINTS = [
     Defect(
         "axis zero",
         swap("0 0.6 0.8", "0 0 0"),
-        "error: joint 'elbow' <axis>: xyz=\"0 0 0\" is no direction",
+        "error: joint 'elbow' <axis>: xyz=\"0 0 0\" has no direction",
     ),
     Defect(
         "long axis",
         swap("0 0.6 0.8", "0 3 4"),
-        "repaired: joint 'elbow' <axis>: xyz=\"0 3 4\" is 5 long",
+        "repaired: joint 'elbow' <axis>: xyz=\"0 3 4\" has the length 5",
     ),
     Defect(
         "axis in words",
@@ -924,7 +932,7 @@ JOINTS = [
         "error: joint 'elbow' <axis>: xyz=\"0 nan 1\" is not 3",
     ),
     Defect(
-        "no limit", elbow_limit(""), "defaulted: joint 'elbow' <limit>: no limits, so nothing stops"
+        "no limit", elbow_limit(""), "defaulted: joint 'elbow' <limit>: no limits; without a range"
     ),
     Defect(
         "limits equal",
@@ -949,7 +957,7 @@ JOINTS = [
     Defect(
         "limits without zero",
         swap('lower="-1.5"', 'lower="0.5"'),
-        "defaulted: zero is outside of the limits of",
+        "defaulted: exclude zero, so the home posture is in the middle",
     ),
     Defect(
         "lower is nan",
@@ -967,7 +975,7 @@ JOINTS = [
     Defect(
         "slide without limits",
         slide("revolute", ""),
-        "defaulted: a prismatic joint needs a range, ±1 m",
+        "defaulted: set to ±1 m, as a prismatic joint needs a range",
     ),
     Defect(
         "effort zero",
@@ -982,7 +990,7 @@ JOINTS = [
     Defect(
         "effort negative",
         swap('effort="40"', 'effort="-40"'),
-        "defaulted: effort -40 would not move it",
+        "defaulted: effort -40 is not positive",
     ),
     Defect(
         "velocity zero",
@@ -1002,12 +1010,12 @@ JOINTS = [
     Defect(
         "friction",
         swap('damping="0.1"', 'damping="0.1" friction="0.3"'),
-        "lost: friction 0.3, seldom measured",
+        "lost: friction 0.3 is not imported",
     ),
     Defect(
         "damping negative",
         swap('damping="0.1"', 'damping="-0.1"'),
-        "repaired: damping -0.1 is negative; 0",
+        "repaired: damping -0.1 is negative; set to 0",
     ),
     Defect(
         "numbers with units",
@@ -1038,12 +1046,12 @@ DRIVES = [
     Defect(
         "two drives",
         add(ELBOW_DRIVE.replace("_t", "_2")),
-        "dropped: transmission 'elbow_2': 'elbow' has a motor",
+        "dropped: transmission 'elbow_2': 'elbow': another transmission drives this",
     ),
     Defect(
         "drive of ROS 2",
         swap(ELBOW_DRIVE, ROS2_DRIVE),
-        "repaired: transmission 'elbow_t': written as Drake reads",
+        "repaired: transmission 'elbow_t': does not have the form that Drake reads",
     ),
     Defect(
         "drive without type",
@@ -1053,17 +1061,17 @@ DRIVES = [
     Defect(
         "drive of no joint",
         add(_drive("none")),
-        "dropped: transmission 'none_t': 'none' is no joint that moves",
+        "dropped: transmission 'none_t': 'none': this is not a joint that moves",
     ),
     Defect(
         "drive of a fixed joint",
         add(_drive("flange")),
-        "dropped: transmission 'flange_t': 'flange' is no joint",
+        "dropped: transmission 'flange_t': 'flange': this is not a joint",
     ),
     Defect(
         "gears",
         swap(ELBOW_DRIVE, FOUR_BAR_DRIVE),
-        "repaired: its type is 'FourBarLinkageTransmission'",
+        "repaired: has the type 'FourBarLinkageTransmission'",
     ),
     Defect(
         "differential",
@@ -1077,7 +1085,7 @@ INERTIAS = [
     Defect(
         "no inertia, estimated",
         swap(UPPER_INERTIAL, ""),
-        "defaulted: estimated: 2.56 kg",
+        "defaulted: kg/m³: 2.56 kg",
         options=ESTIMATE,
     ),
     Defect(
@@ -1144,7 +1152,7 @@ INERTIAS = [
     Defect(
         "triangle slightly wrong",
         upper_inertia(0.03, 0.03, 0.060003),
-        "repaired: this is a rounding error",
+        "repaired: corrected as a rounding error",
     ),
     Defect(
         "triangle grossly wrong",
@@ -1167,15 +1175,15 @@ INERTIAS = [
     Defect(
         "legs, estimated",
         bare,
-        "defaulted: link 'left_shin': has no inertia; estimated: 0.32 kg",
+        "defaulted: link 'left_shin': has no inertia; estimated from its shapes at 1000 kg/m³: 0.32 kg",
         LEGS,
         ESTIMATE,
     ),
-    Defect("legs on the world", on_world, "read: fixed base: its root link is the world", LEGS),
+    Defect("legs on the world", on_world, "read: fixed base: the root link is the world", LEGS),
     Defect(
         "legs that stay",
         bare,
-        "read: link 'trunk': floating base: 2 branches of 'trunk' are called as legs are",
+        "read: link 'trunk': floating base: 2 branches of 'trunk' have names of legs",
         LEGS,
     ),
 ]
@@ -1200,7 +1208,7 @@ FILES = [
     Defect(
         "Latin-1",
         content(lambda text: text.replace("tcp", "pié").encode("latin-1")),
-        "repaired: is not utf-8",
+        "repaired: cannot be decoded as utf-8",
     ),
     Defect(
         "late declaration",
@@ -1215,7 +1223,7 @@ FILES = [
     Defect(
         "deep",
         content(lambda text: b"<robot>" + b"<link>" * 9999),
-        "error: nests elements more than 60 deep",
+        "error: has elements in more than 60 levels",
     ),
     Defect(
         "SDF",

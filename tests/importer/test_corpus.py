@@ -82,7 +82,7 @@ def test_the_sound_robots_need_no_repair_but_of_their_meshes(tmp_path, text):
     imported = imported_or_refused(Package(text), tmp_path, ImportOptions())
     assert isinstance(imported, ImportedRobot), imported
     mended = [entry for entry in imported.report.entries if entry.kind not in ("read", "defaulted")]
-    assert all("is now meshes/" in entry.text for entry in mended)
+    assert all("becomes meshes/" in entry.text for entry in mended)
     assert [entry.text for entry in imported.report.of("defaulted")] == [
         "servo gains from the mass matrix"
     ]

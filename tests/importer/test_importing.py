@@ -100,7 +100,7 @@ def test_a_refusal_leaves_nothing_behind(published_irb120, tmp_path):
 def test_an_output_within_the_source_is_refused(published_irb120, place):
     package = published_irb120.parent.parent
     before = files_below(package)
-    with pytest.raises(OutputError, match="within the source"):
+    with pytest.raises(OutputError, match="overlaps the source"):
         import_robot(published_irb120, package / place)
     assert files_below(package) == before
 

@@ -140,7 +140,7 @@ def test_files_outside_are_refused_with_the_way_to_allow_them(robot: Path, tmp_p
     ):
         with pytest.raises(OutsideBorder) as problem:
             MeshPlaces(robot).find(uri)
-        assert "lies outside of the allowed folders" in str(problem.value)
+        assert "is outside the allowed folders" in str(problem.value)
         assert f"--mesh-path {outside.parent}" in str(problem.value)
         assert MeshPlaces(robot, (outside.parent,)).find(uri).path == outside
 
@@ -162,7 +162,7 @@ def test_a_package_beside_is_found_by_its_name_or_its_manifest(robot: Path) -> N
 def test_a_folder_farther_away_is_no_package_without_a_manifest(robot: Path) -> None:
     put(robot.parents[3] / "private" / "keys.stl")
     with pytest.raises(
-        MeshMissing, match="package 'private' is not found, name its folder with --mesh-path"
+        MeshMissing, match="package 'private' is not found; give its folder with --mesh-path"
     ):
         MeshPlaces(robot).find("package://private/keys.stl")
 

@@ -95,21 +95,25 @@ def test_stl_whose_header_says_solid_is_known_as_binary(tmp_path: Path) -> None:
 def test_stl_with_bytes_behind_its_end_is_read(tmp_path: Path) -> None:
     mesh = read(write(tmp_path / "a.stl", box().export(file_type="stl") + b"made by a CAD"))
     assert volume(mesh) == pytest.approx(0.008, rel=1e-6)
-    assert mesh.remarks == ["13 bytes after its last face left out"]
+    assert mesh.remarks == ["has 13 bytes after its last face, which are ignored"]
 
 
 @pytest.mark.parametrize(
     ("name", "data", "problem"),
     [
-        ("a.stl", box().export(file_type="stl")[:-20], "is cut off: of its 12 faces 11 are there"),
+        (
+            "a.stl",
+            box().export(file_type="stl")[:-20],
+            "is cut off: it contains 11 of its 12 faces",
+        ),
         ("a.stl", b"\0" * 84, "is empty"),
-        ("a.stl", b"x" * 80 + b"\0" * 4, "holds no triangles"),
-        ("a.stl", b"solid a\nendsolid a", "holds no triangles"),
-        ("a.stl", b"short", "less than its header"),
+        ("a.stl", b"x" * 80 + b"\0" * 4, "contains no triangles"),
+        ("a.stl", b"solid a\nendsolid a", "contains no triangles"),
+        ("a.stl", b"short", "less than an STL header"),
         ("a.stl", b"", "is empty"),
-        ("a.obj", b"v 0 0 0\n", "holds no triangles"),
-        ("a.obj", b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "holds no triangles"),
-        ("a.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "holds no triangle with an area"),
+        ("a.obj", b"v 0 0 0\n", "contains no triangles"),
+        ("a.obj", b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "contains no triangles"),
+        ("a.obj", b"v 0 0 0\nv 1 1 1\nv 2 2 2\nf 1 2 3\n", "contains no triangle with an area"),
         (
             "a.ply",
             b"ply\nformat ascii 1.0\nelement vertex 99999999999\nproperty float x\nend_header\n",
@@ -122,15 +126,19 @@ def test_stl_with_bytes_behind_its_end_is_read(tmp_path: Path) -> None:
         (
             "a.gltf",
             b'{"accessors": [{"count": 1000000000000, "type": "VEC3"}]}',
-            "asks for more numbers",
+            "declares more data",
         ),
         (
             "a.gltf",
             b'{"asset": {"version": "2.0"}, "buffers": [{"uri": "no.bin"}]}',
             "is not readable as GLTF",
         ),
-        ("a.step", b"ISO-10303-21;", "is of a format '.step' that is not read; .stl, .dae, .obj"),
-        ("a", b"solid", "is of a format '' that is not read"),
+        (
+            "a.step",
+            b"ISO-10303-21;",
+            "has the format '.step', which is not read; the formats are .stl, .dae, .obj",
+        ),
+        ("a", b"solid", "has the format '', which is not read"),
     ],
 )
 def test_what_holds_no_mesh_is_named(tmp_path: Path, name: str, data: bytes, problem: str) -> None:
@@ -144,7 +152,7 @@ def test_what_holds_no_mesh_is_named(tmp_path: Path, name: str, data: bytes, pro
 def test_a_file_that_is_too_large_is_not_read(tmp_path: Path) -> None:
     with (tmp_path / "a.stl").open("wb") as file:
         file.truncate(200_000_000)  # takes no room on the disk
-    with pytest.raises(UnreadableMesh, match=r"it is larger than 100 MB\); decimate it"):
+    with pytest.raises(UnreadableMesh, match=r"it is larger than 100 MB\); decimate the mesh"):
         read(tmp_path / "a.stl")
 
 
@@ -166,7 +174,7 @@ def test_collada_is_scaled_by_its_unit_and_its_up_axis_is_told(tmp_path: Path) -
     )
     np.testing.assert_allclose(bounds(mesh), [[0.001, 0, 0], [0.002, 0.001, 0.001]], atol=1e-12)
     assert mesh.parts[0].rgba == RED
-    assert mesh.remarks == ["its up axis Y_UP is ignored, as ROS does"]
+    assert mesh.remarks == ["has the up axis Y_UP, which is ignored, as in ROS"]
     assert (
         read(
             write(tmp_path / "b.dae", DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=0)))
@@ -211,7 +219,7 @@ def test_collada_nodes_that_multiply_or_go_in_a_circle_are_refused(tmp_path: Pat
     circle = '<node id="n"><instance_node url="#n"/></node>'
     for nodes in (levels, circle):
         with pytest.raises(
-            UnreadableMesh, match="more than 20000 nodes, or nodes within themselves"
+            UnreadableMesh, match="more than 20000 nodes, or a node that contains itself"
         ):
             read(write(tmp_path / "a.dae", DAE.format(unit="1", up="Z_UP", nodes=nodes)))
 
@@ -249,7 +257,7 @@ def test_a_few_colours_of_vertices_are_kept_and_many_become_their_mean(tmp_path:
     ball.visual.vertex_colors = [(index % 250, 0, 0, 255) for index in range(len(ball.vertices))]
     mesh = read(write(tmp_path / "b.ply", ball.export(file_type="ply")))
     assert len(mesh.parts) == 1
-    assert "become their mean" in mesh.remarks[0]
+    assert "which their mean replaces" in mesh.remarks[0]
 
 
 def test_gltf_is_turned_as_drake_turns_it(tmp_path: Path) -> None:

@@ -125,7 +125,9 @@ def test_an_arm_moves_as_drake_reads_it(tmp_path, version, old):
         axes = dict(zip(("shoulder", "elbow", "back"), posture.tolist(), strict=True))
         for mine, theirs in zip(figures(ours, axes), figures(drakes, axes), strict=True):
             np.testing.assert_allclose(mine, theirs, rtol=1e-6, atol=1e-9)
-    assert "joint 'back': leads towards the root; turned round" in told(robot, "repaired")
+    assert "joint 'back': leads towards the root; its links are exchanged" in told(
+        robot, "repaired"
+    )
     assert robot.model.efforts.tolist() == [7, 7, 7]
 
 
@@ -137,7 +139,7 @@ def test_frames_and_included_models_are_where_drake_has_them(tmp_path):
         mine, theirs = (figures(plant, {"wrist": angle}, "trunk") for plant in (ours, drakes))
         for one, other in zip(mine, theirs, strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-8)
-    assert "joint 'knee': is universal; 2 joints" in told(robot, "repaired")
+    assert "joint 'knee': its type is universal; replaced by 2 joints" in told(robot, "repaired")
 
 
 def test_a_model_that_is_merged_is_where_drake_has_it(tmp_path):
@@ -172,8 +174,22 @@ def test_colours_and_what_is_lost(tmp_path):
     )
     assert text.count("<friction/>") == text.count("<gravity>") == 1
     lost = told(imported(tmp_path, text), "lost")
-    assert "<surface>: 1 ×: a station has contact figures of its own" in lost
-    assert "feels no gravity: all has its weight" in lost
+    assert "<surface>: 1 ×: contact parameters are part of a station" in lost
+    assert "is without gravity in the file" in lost
+
+
+def test_a_frame_of_the_world_is_left_out_unless_the_robot_is_fixed_to_the_world(tmp_path):
+    frame = '<frame name="marker" attached_to="world"/>'
+
+    arm = ARM.format(version="1.9", old="").replace("</model>", f"{frame}</model>")
+    fixed = imported(tmp_path / "fixed", arm)
+    loose = imported(
+        tmp_path / "loose", NEW.replace("<include>", f"{frame}<include>"), base="floating"
+    )
+
+    assert fixed.model.element.find("frame[@name='marker']").get("link") == "robot_world"
+    assert loose.model.element.find("frame[@name='marker']") is None
+    assert "frame 'marker': is attached to the world" in told(loose, "dropped")
 
 
 def test_a_closed_loop_is_refused_or_left_out(tmp_path):
@@ -200,10 +216,10 @@ def test_the_robot_of_a_world_is_found_or_chosen(tmp_path):
     table = model("table", "fixed", "<static>true</static>")
     robot = imported(tmp_path, world(table, model("left")))
     assert robot.model.name == "left"
-    assert "model 'table': stands in the world beside the robot" in told(robot, "dropped")
+    assert "model 'table': is not part of the robot" in told(robot, "dropped")
     two = world(model("left"), model("right"))
     with pytest.raises(
-        SimrobError, match=r"holds 2 robots \(left, right\); choose one with --model NAME"
+        SimrobError, match=r"contains 2 robots \(left, right\); choose one with --model NAME"
     ):
         imported(tmp_path, two)
     assert imported(tmp_path, two, model="right").model.name == "right"
@@ -212,13 +228,13 @@ def test_the_robot_of_a_world_is_found_or_chosen(tmp_path):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('<include><uri>../../secret.sdf</uri></include>', "lies outside of the allowed folders"),
+        ('<include><uri>../../secret.sdf</uri></include>', "is outside the allowed folders"),
         (model("a").replace("<link", "<pose>1 2</pose><link", 1), "is no pose"),
         (model("a").replace("<parent>a", "<parent>c"), "there is no link, joint or frame 'c'"),
-        (model("a", "screw"), "its type is 'screw'"),
-        ("", "holds no model"),
+        (model("a", "screw"), "has the type 'screw'"),
+        ("", "contains no model"),
         (model("a").replace("<link name=\"a\">", '<link name="a"><pose relative_to="f"/>').replace(
-            "<joint", '<frame name="f"><pose relative_to="a"/></frame><joint'), "given in frames that are given in it"),
+            "<joint", '<frame name="f"><pose relative_to="a"/></frame><joint'), "<pose> depends on this frame"),
     ],
 )  # fmt: skip
 def test_what_may_not_or_cannot_be_read_is_refused(tmp_path, text, words):
@@ -230,7 +246,7 @@ def test_what_may_not_or_cannot_be_read_is_refused(tmp_path, text, words):
 
 def test_models_that_include_each_other_are_refused(tmp_path):
     text = '<sdf version="1.9"><model name="m"><include><uri>model://robot</uri></include></model></sdf>'
-    with pytest.raises(SimrobError, match="models include each other without an end"):
+    with pytest.raises(SimrobError, match="models include each other without end"):
         imported(tmp_path, text)
 
 

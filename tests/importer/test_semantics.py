@@ -1,4 +1,4 @@
-"""An SRDF beside a robot's file: named postures, home, hands, and links that do not mind each other."""
+"""An SRDF beside a robot's file: named postures, home, hands, and links whose contacts are ignored."""
 
 import time
 
@@ -68,7 +68,7 @@ def test_fingers_are_open_where_it_says_so(file, tmp_path):
     beside(file, SRDF.format(opened=0.002))
     made = import_robot(file, tmp_path / "made")
     assert made.model.gripper.axes == {"left_slide": (0.04, 0), "right_slide": (0.04, 0)}
-    assert "left_slide are open where the SRDF says so" in [
+    assert "open and closed positions of left_slide are exchanged, as the SRDF has them" in [
         entry.text for entry in made.report.of("repaired")
     ]
 
@@ -78,7 +78,7 @@ def test_what_the_robot_lacks_is_told(file, tmp_path):
     report = import_robot(file, tmp_path / "made").report
     assert "the robot has no joint 'gone'" in [entry.text for entry in report.of("dropped")]
     read = next(entry for entry in report.of("read") if "SRDF" in entry.element)
-    assert read.text == "postures home, far, Open; 1 pairs of links that do not mind each other"
+    assert read.text == "postures home, far, Open; 1 pairs of links whose contacts are ignored"
 
 
 def test_links_that_do_not_mind_each_other_never_collide(file):

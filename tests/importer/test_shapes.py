@@ -129,7 +129,7 @@ def test_stl_becomes_obj_that_drake_shows_and_collides_with(imported: Import) ->
     # STL has no colour of its own
     assert result.robot.find("link/visual/material/color") is not None
     assert (
-        "repaired: link 'base' <visual>: mesh 'torus.stl' (576 faces) is now meshes/base_visual_1.obj"
+        "repaired: link 'base' <visual>: mesh 'torus.stl' (576 faces) becomes meshes/base_visual_1.obj"
         in result.told()
     )
     assert "its convex hull of" in result.told()
@@ -186,7 +186,7 @@ def test_each_colour_becomes_a_visual_as_in_rviz(imported: Import) -> None:
     names = [material.get("name") for material in result.robot.iter("material")]
     assert len(set(names)) == 3
     assert (
-        "2 colours, a <visual> for each; the URDF's material gives way to its own look"
+        "divided into 2 visuals, one for each colour or texture; its own colours replace"
         in result.told()
     )
     assert len(shapes_in_drake(result, Role.kIllustration)) == 3
@@ -231,7 +231,7 @@ def test_a_scale_that_is_none_counts_as_one(imported: Import, scale: str) -> Non
         f'<link name="a"><visual><geometry><mesh filename="box.stl" scale="{scale}"/></geometry></visual></link>'
     )
     np.testing.assert_allclose(result.mesh("meshes/a_visual_1.obj").bounds, BOUNDS, atol=1e-6)
-    assert f'scale="{scale}" is no scale; 1 is taken' in result.told()
+    assert f'scale="{scale}" is not one or three numbers other than 0; 1 is used' in result.told()
 
 
 def test_a_collision_mesh_becomes_a_box_at_its_place(imported: Import) -> None:
@@ -258,7 +258,10 @@ def test_without_collision_nothing_is_left_to_touch(imported: Import) -> None:
     )
     assert result.robot.find("link/collision") is None
     assert sorted(result.files()) == ["arm.urdf"]
-    assert result.told() == "dropped: : 2 collision shapes: none were asked for; nothing is touched"
+    assert (
+        result.told()
+        == "dropped: : 2 collision shapes are left out by `collision: none`; the robot touches nothing"
+    )
 
 
 def test_a_robot_without_collision_shapes_gets_them_from_its_visuals(imported: Import) -> None:
@@ -275,7 +278,7 @@ def test_a_robot_without_collision_shapes_gets_them_from_its_visuals(imported: I
     assert pose_of(collision).translation().tolist() == [1, 2, 3]
     assert (
         result.report.of("defaulted")[0].text
-        == "no link has a collision shape; 2 are made of the visuals"
+        == "no link has a collision shape; 2 are made from the visuals"
     )
     assert imported(links, collision="none").report.of("defaulted") == []
 
@@ -288,12 +291,12 @@ def test_a_mesh_that_is_nowhere_is_dropped_with_what_follows(imported: Import) -
     assert result.robot.find("link/visual") is None
     assert result.robot.find("link/collision") is None
     assert (
-        "dropped: link 'a' <visual> 1: mesh 'none.stl' there is no such file; it is not shown"
+        "dropped: link 'a' <visual> 1: mesh 'none.stl' there is no such file; this visual is left out"
         in result.told()
     )
-    assert "is on the network, where nothing is read from" in result.told()
+    assert "is on the network, from which nothing is read" in result.told()
     assert (
-        "package 'other' is not found, name its folder with --mesh-path DIR; the link touches nothing"
+        "package 'other' is not found; give its folder with --mesh-path DIR; the link has no other"
         in result.told()
     )
 
@@ -309,7 +312,7 @@ def test_a_collision_mesh_that_cannot_be_read_gives_way_to_the_visuals(
     (collision,) = result.robot.iterfind("link/collision")
     assert pose_of(collision).translation().tolist() == [1, 0, 0]
     assert result.mesh("meshes/a_collision_1.obj").is_convex
-    assert "less than its header; the shape of the link's visuals is taken" in result.told()
+    assert "less than an STL header; the link's visuals are used instead" in result.told()
     assert "dropped: link 'a' <collision> 2: mesh 'none.stl' there is no such file" in result.told()
 
 
@@ -324,7 +327,7 @@ def test_a_mesh_outside_of_the_package_refuses_the_robot(
             text = f'<link name="a"><{tag}>{MESH.format(name)}</{tag}></link>'
             with pytest.raises(InvalidModel) as problem:
                 imported(text)
-            assert f"arm.urdf: link 'a': mesh '{name}': lies outside of the allowed folders" in str(
+            assert f"arm.urdf: link 'a': mesh '{name}': is outside the allowed folders" in str(
                 problem.value
             )
             assert f"allow it with --mesh-path {tmp_path}" in str(problem.value)
@@ -402,7 +405,7 @@ def test_without_a_folder_all_is_told_and_nothing_written(package: Path) -> None
         ),
         ('<geometry><capsule length="1"/></geometry>', "<capsule> has no radius"),
         ('<geometry><drake:ellipsoid a="1" b="0" c="1"/></geometry>', '<ellipsoid> has b="0"'),
-        ('<geometry><plane normal="0 0 1"/></geometry>', "<plane> is no shape that is known"),
+        ('<geometry><plane normal="0 0 1"/></geometry>', "<plane> is not a known shape"),
         ("<geometry/>", "its <geometry> is empty"),
         ("", "has no <geometry>"),
     ],
@@ -442,7 +445,7 @@ def test_of_several_shapes_in_a_geometry_the_first_stays(imported: Import) -> No
     )
     (geometry,) = result.robot.iterfind("link/collision/geometry")
     assert [child.tag for child in geometry] == ["sphere"]
-    assert result.told().count("a <geometry> holds one shape; <sphere> stays") == 2
+    assert result.told().count("a <geometry> has one shape, here <sphere>") == 2
 
 
 def test_wrong_case_and_packages_are_told_as_repaired(imported: Import) -> None:
@@ -450,7 +453,7 @@ def test_wrong_case_and_packages_are_told_as_repaired(imported: Import) -> None:
         f'<link name="a"><visual>{MESH.format("package://arm/BOX.OBJ")}</visual></link>'
     )
     assert result.report.of("repaired")[0].text.endswith(
-        "is now meshes/a_visual_1.obj; found as box.obj"
+        "becomes meshes/a_visual_1.obj; found as box.obj"
     )
 
 

@@ -5,6 +5,7 @@ import xml.etree.ElementTree as ET
 import pytest
 from repair_stages import joint
 
+from simrob_drake.base.messages import in_language
 from simrob_drake.importer.repairs.base import choose_base
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 
@@ -30,16 +31,20 @@ WHEEL = ["continuous"]
 @pytest.mark.parametrize(
     ("element", "base", "reason"),
     [
-        (robot([LEG * 2]), "fixed", "no pair of legs and no wheels carry it"),
-        (robot([LEG, LEG]), "floating", "2 branches of 3 and more joints start at it"),
+        (robot([LEG * 2]), "fixed", "no pair of legs and no wheels"),
+        (robot([LEG, LEG]), "floating", "2 branches of 3 or more joints start at the root link"),
         (robot([LEG, LEG[:2]]), "fixed", "no pair of legs"),
         (robot([LEG, ["fixed", *LEG]]), "floating", "2 branches"),
         (robot([LEG, ["revolute", "fixed", "fixed"]]), "fixed", "no pair of legs"),
-        (robot([WHEEL] * 4), "floating", "4 continuous joints start at it, as wheels do"),
+        (
+            robot([WHEEL] * 4),
+            "floating",
+            "4 continuous joints start at the root link, as wheels do",
+        ),
         (robot([WHEEL, WHEEL, ["continuous", "continuous"]]), "floating", "3 continuous joints"),
         (robot([WHEEL] * 2), "fixed", "no wheels"),
-        (robot([LEG, LEG], root="robot_world"), "fixed", "its root link is the world"),
-        (robot([LEG, LEG], root="world_link"), "fixed", "its root link is the world"),
+        (robot([LEG, LEG], root="robot_world"), "fixed", "the root link is the world"),
+        (robot([LEG, LEG], root="world_link"), "fixed", "the root link is the world"),
         (robot([LEG, LEG], root="underworld"), "floating", "2 branches"),
     ],
 )
@@ -50,7 +55,7 @@ def test_the_base_is_found_and_the_reason_told(tmp_path, element, base, reason):
     assert entry.kind == "read"
     assert entry.text.startswith(f"{base} base: ")
     assert reason in entry.text
-    assert entry.text.endswith(f"--base {'floating' if base == 'fixed' else 'fixed'} changes that")
+    assert entry.text.endswith(f"choose --base {'floating' if base == 'fixed' else 'fixed'}")
 
 
 @pytest.mark.parametrize(
@@ -102,12 +107,12 @@ DOG = [f"{leg}_HFE {leg}_KFE" for leg in ("LF", "RF", "LH", "RH")]
         (
             called(*ARMS),
             "fixed",
-            "6 joints are called as those of arms and hands are",
+            "6 joints have names of arms or hands",
         ),
-        (called(*HAND), "fixed", "9 joints are called"),  # of a hand that points downward
+        (called(*HAND), "fixed", "9 joints have names"),  # of a hand that points downward
         (called("waist neck", *[f"waist>{arm}" for arm in ARMS]), "fixed", "6 joints"),
         (called(*ARMS, "l_hip", "r_hip"), "fixed", "6 joints"),  # hips alone are no legs
-        (called(*ARMS, *LEGS), "floating", "2 branches of 'base' are called as legs are"),
+        (called(*ARMS, *LEGS), "floating", "2 branches of 'base' have names of legs"),
         (
             called(*ARMS, "waist", *[f"waist>{leg}" for leg in LEGS]),
             "floating",
@@ -130,7 +135,7 @@ DOG = [f"{leg}_HFE {leg}_KFE" for leg in ("LF", "RF", "LH", "RH")]
         (
             called("wheel_left", "wheel_right", kind="continuous"),
             "floating",
-            "2 continuous joints are called as wheels",
+            "2 continuous joints have names of wheels",
         ),
         (called("frontWheel", "valve", kind="continuous"), "fixed", "no wheels"),
         (called("wheel_left", "wheel_right"), "fixed", "no wheels"),  # that turn some degrees
@@ -149,5 +154,15 @@ def test_a_choice_wins(tmp_path, base, root):
     element = robot([LEG, LEG], root=root)
     element.set("simrob_base", "floating")
     assert choose_base(element, ImportOptions(base=base), report) == base
-    assert report.entries[0].text == f"{base} base: as chosen"
+    assert report.entries[0].text == f"{base} base: chosen by the user"
     assert element.get("simrob_base") is None
+
+
+def test_the_value_of_the_option_is_the_same_in_each_language(tmp_path):
+    report = ImportReport(tmp_path / "a.urdf")
+
+    choose_base(robot([LEG, LEG]), ImportOptions(), report)
+
+    spanish = in_language(report.entries[0].text, "es")
+    assert spanish.startswith("base libre: ")
+    assert spanish.endswith("--base fixed")

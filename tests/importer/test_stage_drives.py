@@ -30,7 +30,10 @@ DRIVEN = TWO.replace(END, f"{drive('elbow')}{END}")  # both joints have a motor
 ROS2 = "<plugin>transmission_interface/SimpleTransmission</plugin>"
 DRIVES = [
     pytest.param(
-        "", "defaulted", "joints 'shoulder', 'elbow': no transmission drives them", id="none"
+        "",
+        "defaulted",
+        "joints 'shoulder', 'elbow': no transmission drives these joints",
+        id="none",
     ),
     pytest.param(
         drive("shoulder", "elbow"),
@@ -39,19 +42,22 @@ DRIVES = [
         id="both",
     ),
     pytest.param(
-        DRIVE * 2 + drive("elbow"), "dropped", "'drive': 'shoulder' has a motor already", id="twice"
+        DRIVE * 2 + drive("elbow"),
+        "dropped",
+        "'drive': 'shoulder': another transmission drives this already",
+        id="twice",
     ),
     pytest.param(
         DRIVE + drive("elbow", kind=ROS2),
         "repaired",
-        "written as Drake reads it; Simple",
+        "does not have the form that Drake reads; replaced by Simple",
         id="ROS 2",
     ),
     pytest.param(DRIVE + drive("elbow", kind=""), "repaired", "has no type", id="no type"),
     pytest.param(
         DRIVE + drive("elbow", kind="<type>FourBarLinkageTransmission</type>"),
         "repaired",
-        "its type is 'FourBarLinkageTransmission', which Drake does not simulate; SimpleTransmission of 'elbow'",
+        "has the type 'FourBarLinkageTransmission', which Drake does not simulate; replaced by Simple",
         id="four bars",
     ),
     pytest.param(
@@ -63,32 +69,38 @@ DRIVES = [
     pytest.param(
         DRIVE + drive("elbow") + drive("flange"),
         "dropped",
-        "'flange' is no joint that moves",
+        "'flange': this is not a joint that moves",
         id="fixed joint",
     ),
     pytest.param(
-        DRIVE + drive("elbow") + drive("none"), "dropped", "'none' is no joint", id="no such joint"
+        DRIVE + drive("elbow") + drive("none"),
+        "dropped",
+        "'none': this is not a joint",
+        id="no such joint",
     ),
     pytest.param(DRIVE + drive("elbow") + drive(), "dropped", "drives no joint", id="no joint"),
     pytest.param(
         DRIVE + drive("elbow").replace("elbow_m", "motor"),
         "repaired",
-        "a second motor called 'motor'",
+        "a second motor has the name 'motor'",
         id="motors",
     ),
     pytest.param(
-        DRIVE + drive("elbow").replace("elbow_m", ""), "repaired", "written as Drake", id="nameless"
+        DRIVE + drive("elbow").replace("elbow_m", ""),
+        "repaired",
+        "the form that Drake reads",
+        id="nameless",
     ),
     pytest.param(
         DRIVE + drive("elbow", gears='<drake:gear_ratio value="0"/>'),
         "dropped",
-        "its gear_ratio is no",
+        "its <gear_ratio> is not a number",
         id="gear 0",
     ),
     pytest.param(
         DRIVE + drive("elbow", gears="<mechanicalReduction>?</mechanicalReduction>"),
         "dropped",
-        "its mechanicalReduction is no number",
+        "its <mechanicalReduction> is not a number",
         id="reduction",
     ),
 ]
@@ -133,7 +145,7 @@ def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, ba
     assert shoulder == pytest.approx(38.2, abs=0.1)
     assert effort(done, "elbow") == 12  # 3 · g · 2 kg · 0.2 m = 11.8 N·m
     assert any(
-        "<limit>: " in line and "; 39 N·m, by what it carries" in line
+        "<limit>: " in line and "; set to 39 N·m, estimated from its load" in line
         for line in done.told("defaulted")
     )
 
@@ -165,7 +177,7 @@ def test_the_least_efforts_and_those_without_masses(tmp_path):
     guessed = Repaired(bare, tmp_path)
     assert effort(guessed, "shoulder") == 10
     assert any(
-        line.endswith("10 N·m, a guess, for no mass is known") for line in guessed.told("defaulted")
+        line.endswith("10 N·m, a guess, as no mass is given") for line in guessed.told("defaulted")
     )
 
 
@@ -205,7 +217,7 @@ def test_a_missing_velocity_is_a_half_turn_or_a_metre_a_second(tmp_path, bad):
         [np.pi]
     )
     assert any(
-        "'shoulder' <limit>: no velocity above 0; 3.142 rad/s" in line
+        "'shoulder' <limit>: no velocity above 0; set to 3.142 rad/s" in line
         for line in turning.told("defaulted")
     )
     sliding = Repaired(with_defect('velocity="3"', bad).replace("revolute", "prismatic"), tmp_path)
@@ -225,7 +237,7 @@ def test_an_estimated_motor_moves_its_own_armature(tmp_path):
     done = Repaired(text, tmp_path)
     needed = G * 2 * 0.2 + (ARMATURE + 2 * 0.2**2) * ACCELERATION
     assert needed <= effort(done, "elbow") <= 1.15 * needed
-    assert any("its armature of 3" in line for line in done.told("defaulted"))
+    assert any("its rotor inertia of 3" in line for line in done.told("defaulted"))
 
 
 def test_a_sliding_motor_moves_its_own_armature(tmp_path):

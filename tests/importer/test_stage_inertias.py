@@ -5,6 +5,7 @@ import pytest
 from pydrake.multibody.tree import SpatialInertia
 from repair_stages import ARM, END, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
+from simrob_drake.base.messages import in_language
 from simrob_drake.importer.repairs.inertias import correct_rounding
 from simrob_drake.robots.bodies import links_without_inertia
 from simrob_drake.robots.imports import ImportOptions
@@ -73,11 +74,12 @@ def test_an_impossible_inertia_is_left_out_or_estimated(tmp_path, good, bad, wor
     left_out = Repaired(text, tmp_path)
     assert any(words in line and line.endswith("left out") for line in left_out.told("dropped"))
     assert left_out.told("open") == [
-        "link 'upper': has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia"
+        "link 'upper': has no usable inertia, so dynamic stations refuse this robot; "
+        "write one, or estimate it with --estimate-inertia"
     ]
     assert links_without_inertia(left_out.robot) == ["upper"]
     estimated = Repaired(text, tmp_path, ESTIMATE)
-    assert any(words in line and "estimated: " in line for line in estimated.told("defaulted"))
+    assert any(words in line and "; estimated " in line for line in estimated.told("defaulted"))
     assert estimated.told("open") == []
     found, centre, about = body(estimated)
     # the link's own where it is possible, of its shapes at 1000 kg/m³ else
@@ -93,7 +95,10 @@ def test_a_missing_inertia_is_refused_or_estimated(tmp_path):
     assert len(Repaired(text, tmp_path).told("open")) == 1
     done = Repaired(text, tmp_path, ImportOptions(estimate_inertia=True, density=100))
     assert body(done)[0] == pytest.approx(0.3)
-    assert "link 'upper': has no inertia; estimated: 0.3 kg" in done.told("defaulted")[0]
+    assert (
+        "link 'upper': has no inertia; estimated from its shapes at 100 kg/m³: 0.3 kg"
+        in done.told("defaulted")[0]
+    )
 
 
 def test_a_link_that_only_names_a_frame_needs_no_inertia(tmp_path):
@@ -117,7 +122,10 @@ def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
     told = Repaired(
         with_defect(TIP, f'<link name="tip">{point.replace(moments(0, 0, 0), "")}</link>'), tmp_path
     )
-    assert "has a mass but no moments of inertia; a point of 2 kg" in told.told("defaulted")[0]
+    assert (
+        "has a mass but no moments of inertia; replaced by a point mass of 2 kg"
+        in told.told("defaulted")[0]
+    )
     for done in (clean, told):
         mass, centre, _ = body(done)
         assert mass == pytest.approx(3)
@@ -135,7 +143,7 @@ def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
 )
 def test_rounded_moments_are_mended_by_as_much_as_they_miss(tmp_path, given):
     done = Repaired(with_defect(INERTIA, moments(*given)), tmp_path)
-    assert any("this is a rounding error" in line for line in done.told("repaired"))
+    assert any("corrected as a rounding error" in line for line in done.told("repaired"))
     np.testing.assert_allclose(body(done)[2], np.diag(given), atol=1e-3 * max(given))
 
 
@@ -181,7 +189,10 @@ def test_every_shape_has_a_volume(tmp_path, shape, volume):
 def test_a_body_without_mass_and_shape_gets_a_small_ball(tmp_path):
     done = Repaired(with_defect(INERTIAL, "", BARE), tmp_path, ESTIMATE)
     assert body(done)[0] == 0.1
-    assert "has neither inertia nor shape; a small ball: 0.1 kg" in done.told("defaulted")[0]
+    assert (
+        "has neither inertia nor shape; estimated as a small ball: 0.1 kg"
+        in done.told("defaulted")[0]
+    )
 
 
 def test_a_flat_mesh_is_no_body(tmp_path):
@@ -234,3 +245,13 @@ def test_estimates_are_for_bodies_without_mass_only(tmp_path):
     )
     assert body(done)[0] == 1.0
     assert body(done, "hand")[0] == pytest.approx(3.0)
+
+
+def test_an_entry_about_an_inertia_keeps_its_messages(tmp_path):
+    """Problem and replacement are two messages. Joined as plain texts they would stay English."""
+    text = with_defect(MASS, '<mass value="-1"/>')
+
+    done = Repaired(text, tmp_path)
+
+    [entry] = done.report.of("dropped")
+    assert in_language(entry.text, "es") == "la masa de -1 kg es negativa; se quita"

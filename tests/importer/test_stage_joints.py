@@ -5,6 +5,7 @@ import pytest
 from repair_stages import ARM, DRIVE, END, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.base.errors import InvalidModel
+from simrob_drake.base.messages import in_language
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.robots.urdf import root_link
 
@@ -20,14 +21,19 @@ def limit(lower: object, upper: object) -> str:
 RANGES = [
     pytest.param("revolute", LIMIT, (-1, 2), None, "", id="clean"),
     pytest.param(
-        "revolute", "", (-INF, INF), "defaulted", "no limits, so nothing stops it", id="no limit"
+        "revolute",
+        "",
+        (-INF, INF),
+        "defaulted",
+        "no limits; without a range the joint becomes continuous",
+        id="no limit",
     ),
     pytest.param(
         "revolute",
         '<limit effort="10" velocity="3"/>',
         (-INF, INF),
         "defaulted",
-        "continuous instead",
+        "without a range the joint becomes continuous",
         id="no range",
     ),
     pytest.param(
@@ -35,13 +41,15 @@ RANGES = [
         limit(0, 0),
         (-INF, INF),
         "defaulted",
-        "lower 0, upper 0, so nothing",
+        "lower 0, upper 0; without a range",
         id="both zero",
     ),
     pytest.param(
         "revolute", limit("-inf", "inf"), (-INF, INF), "defaulted", "no limits", id="infinite"
     ),
-    pytest.param("revolute", limit("nan", 2), (0, 2), "defaulted", "has no lower; 0", id="nan"),
+    pytest.param(
+        "revolute", limit("nan", 2), (0, 2), "defaulted", "has no lower; 0 is used", id="nan"
+    ),
     pytest.param(
         "revolute",
         limit(2, -1),
@@ -63,7 +71,7 @@ RANGES = [
         limit(-1e16, 1e16),
         (-INF, INF),
         "repaired",
-        "stop nothing; continuous",
+        "do not restrict the motion; the joint becomes continuous",
         id="endless",
     ),
     pytest.param(
@@ -78,14 +86,14 @@ RANGES = [
         id="continuous",
     ),
     pytest.param(
-        "continuous", limit(-1, 2), (-1, 2), "read", "of a continuous joint are heeded", id="both"
+        "continuous", limit(-1, 2), (-1, 2), "read", "of this continuous joint apply", id="both"
     ),
     pytest.param(
         "continuous",
         limit(0, 0),
         (-INF, INF),
         "dropped",
-        "are no range; a continuous",
+        "is not a range; a continuous",
         id="continuous zero",
     ),
     pytest.param(
@@ -96,7 +104,14 @@ RANGES = [
         "lower missing, upper 1",
         id="half",
     ),
-    pytest.param("prismatic", limit(0, 0), (-1, 1), "defaulted", "needs a range, ±1 m", id="slide"),
+    pytest.param(
+        "prismatic",
+        limit(0, 0),
+        (-1, 1),
+        "defaulted",
+        "set to ±1 m, as a prismatic joint needs a range",
+        id="slide",
+    ),
     pytest.param("prismatic", limit(0, 500), (0, 500), None, "", id="long slide"),
 ]
 
@@ -150,9 +165,7 @@ def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
     )
     assert found.IsNearlyEqualTo(expected, 1e-12)
     assert not held.plant.HasJointNamed("elbow")
-    assert any(
-        "are both 0.5, so it can't move; fixed there" in line for line in held.told("repaired")
-    )
+    assert any("are both 0.5, so the joint cannot move" in line for line in held.told("repaired"))
 
 
 @pytest.mark.parametrize(
@@ -162,21 +175,21 @@ def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
             REVOLUTE,
             'type="Revolute "',
             "repaired",
-            "its type is 'Revolute '; revolute",
+            "has the type 'Revolute '; revolute is used",
             id="capital",
         ),
         pytest.param(
             REVOLUTE,
             'type="continous"',
             "repaired",
-            "its type is 'continous'; continuous",
+            "has the type 'continous'; continuous is used",
             id="typo",
         ),
         pytest.param(
             '<axis xyz="0 1 0"/>',
             "",
             "defaulted",
-            "has no axis; 1 0 0, as the format has it",
+            "has no axis; 1 0 0 is used, the format's default",
             id="no axis",
         ),
         pytest.param('xyz="0 1 0"', "", "defaulted", "has no axis; 1 0 0", id="axis without xyz"),
@@ -184,17 +197,25 @@ def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
             'xyz="0 1 0"',
             'xyz="1 1 0"',
             "repaired",
-            '"1 1 0" is 1.414 long; "0.70710678',
+            '"1 1 0" has the length 1.414; normalized to "0.70710678',
             id="not unit",
         ),
         pytest.param(
-            '"0.1"', '"-0.1"', "repaired", "<dynamics>: damping -0.1 is negative; 0", id="damping"
+            '"0.1"',
+            '"-0.1"',
+            "repaired",
+            "<dynamics>: damping -0.1 is negative; set to 0",
+            id="damping",
         ),
         pytest.param(
-            '"0.1"', '"0.1" friction="-2"', "repaired", "friction -2 is negative; 0", id="friction"
+            '"0.1"',
+            '"0.1" friction="-2"',
+            "repaired",
+            "friction -2 is negative; set to 0",
+            id="friction",
         ),
         pytest.param(
-            '"0.1"', '"0.1" friction="2"', "lost", "friction 2, seldom measured; `--set ", id="lost"
+            '"0.1"', '"0.1" friction="2"', "lost", "friction 2 is not imported", id="lost"
         ),
         pytest.param(
             LIMIT,
@@ -207,7 +228,7 @@ def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
             '<child link="tip"/>',
             '<child link="tip"/><mimic joint="x"/>',
             "dropped",
-            "mimics 'x': fixed joints",
+            "mimics 'x', but is fixed",
             id="mimic of a fixed joint",
         ),
         pytest.param(
@@ -238,7 +259,8 @@ def test_friction_becomes_damping_where_chosen(tmp_path):
     done = Repaired(text, tmp_path, ImportOptions(friction_as_damping=True))
     assert done.plant.GetJointByName("shoulder").default_damping() == pytest.approx(0.35)
     assert any(
-        "damping 0.1 plus friction 0.25: damping 0.35" in line for line in done.told("repaired")
+        "friction 0.25 is added to damping 0.1, which becomes 0.35" in line
+        for line in done.told("repaired")
     )
 
 
@@ -249,7 +271,7 @@ def test_a_mimic_joint_gets_a_motor_of_its_own(tmp_path):
     done = Repaired(with_defect(END, f'<link name="hand"/>{finger}{END}'), tmp_path)
     assert done.plant.num_actuators() == 2
     assert any(
-        "mimics 'shoulder' by 1 with an offset of 0: stations couple" in line
+        "mimics 'shoulder' with a multiplier of 1 and an offset of 0; stations couple" in line
         for line in done.told("read")
     )
 
@@ -272,17 +294,21 @@ def test_a_joint_that_follows_nothing_that_moves_is_fixed_and_not_coupled(tmp_pa
         (
             REVOLUTE,
             'type="ball"',
-            "joint 'shoulder': its type is 'ball'; a station's robot has joints of",
+            "joint 'shoulder': has the type 'ball'; the joints of a robot have",
         ),
-        (REVOLUTE, 'type="revolute2"', "its type is 'revolute2'"),
-        (REVOLUTE, "", "joint 'shoulder': it has no type"),
+        (REVOLUTE, 'type="revolute2"', "has the type 'revolute2'"),
+        (REVOLUTE, "", "joint 'shoulder': has no type"),
         (
             REVOLUTE,
             'type="planar"',
-            "is planar, which no motor can drive; write it as two prismatic joints",
+            "has the type planar, which no motor can drive; write two prismatic joints",
         ),
-        (REVOLUTE, 'type="floating"', "is floating, which no motor can drive; only the root"),
-        ('xyz="0 1 0"', 'xyz="0 0 0"', "joint 'shoulder' <axis>: xyz=\"0 0 0\" is no direction"),
+        (
+            REVOLUTE,
+            'type="floating"',
+            "has the type floating, which no motor can drive; only the root",
+        ),
+        ('xyz="0 1 0"', 'xyz="0 0 0"', "joint 'shoulder' <axis>: xyz=\"0 0 0\" has no direction"),
         (LIMIT, limit(1, 1), "has no joint that moves"),
     ],
 )
@@ -299,9 +325,10 @@ def test_a_floating_joint_at_an_empty_root_is_a_floating_base(tmp_path):
     done = Repaired(text, tmp_path)
     assert done.base == "floating"
     assert root_link(done.robot) == "base"
-    assert any("floats below 'odom'" in line for line in done.told("repaired"))
+    assert any("floats at the empty root 'odom'" in line for line in done.told("repaired"))
     assert any(
-        "floating base: a floating joint held it; --base fixed" in line
+        "floating base: the file has a floating joint at the root; if this is wrong, choose --base fixed"
+        in line
         for line in done.told("read")
     )
     assert list(done.robot.attrib) == ["name"]
@@ -309,7 +336,7 @@ def test_a_floating_joint_at_an_empty_root_is_a_floating_base(tmp_path):
 
 def test_a_floating_joint_elsewhere_is_refused(tmp_path):
     text = with_defect(TIP, f'{TIP}<link name="ball"/>')
-    with pytest.raises(InvalidModel, match="joint 'float': is floating"):
+    with pytest.raises(InvalidModel, match="joint 'float': has the type floating"):
         Repaired(with_defect(END, joint("float", "tip", "ball", "floating") + END, text), tmp_path)
 
 
@@ -317,3 +344,15 @@ def test_the_drive_stays_where_the_joint_does(tmp_path):
     done = Repaired(ARM, tmp_path)
     assert [drive.get("name") for drive in done.robot.iterfind("transmission")] == ["drive"]
     assert DRIVE in ARM
+
+
+def test_a_missing_limit_is_described_in_each_language(tmp_path):
+    text = with_defect(LIMIT, '<limit effort="9" upper="1"/>').replace(
+        REVOLUTE, 'type="continuous"'
+    )
+
+    done = Repaired(text, tmp_path)
+
+    [entry] = done.report.of("dropped")
+    assert entry.text.startswith("lower missing, upper 1 is not a range")
+    assert in_language(entry.text, "es").startswith("mínimo ausente, máximo 1 no es un recorrido")

@@ -43,7 +43,7 @@ def with_visual(material: str, text: str = ARM) -> str:
         pytest.param(
             with_visual('<material name="blue"/>'),
             "defaulted",
-            "material 'blue': is not defined; a grey, 0.7 0.7 0.7 1",
+            "material 'blue': is not defined; a grey, 0.7 0.7 0.7 1, is used",
             GREY,
             id="undefined",
         ),
@@ -64,7 +64,7 @@ def with_visual(material: str, text: str = ARM) -> str:
         pytest.param(
             with_defect(RED, RED + RED.replace("1 0 0 1", "0 1 0 1")),
             "dropped",
-            "defined again, with another colour 0 1 0 1; the first, 1 0 0 1, holds",
+            "is defined again with the colour 0 1 0 1; the first colour, 1 0 0 1, is used",
             (1, 0, 0, 1),
             id="redefined",
         ),
@@ -99,7 +99,7 @@ def with_visual(material: str, text: str = ARM) -> str:
         pytest.param(
             with_visual('<material name="red"><color rgba="0 0 1 1"/></material>'),
             "repaired",
-            "used with another colour, 0 0 1 1, as well; that is 'red_2' now",
+            "is also used with the colour 0 0 1 1; this use is renamed to 'red_2'",
             (0, 0, 1, 1),
             id="another colour",
         ),

@@ -60,8 +60,8 @@ def test_a_clean_file_is_read_without_a_word(tmp_path):
         pytest.param(
             b'<!DOCTYPE robot SYSTEM "file:///etc/passwd"><robot/>', "document type", id="doctype"
         ),
-        pytest.param(b"<a>" * 500 + b"</a>" * 500, "more than 60 deep", id="deep"),
-        pytest.param(b'<sdf version="1.9"/>', "holds no model", id="sdf"),
+        pytest.param(b"<a>" * 500 + b"</a>" * 500, "in more than 60 levels", id="deep"),
+        pytest.param(b'<sdf version="1.9"/>', "contains no model", id="sdf"),
         pytest.param(
             b"<mujocoinclude/>", "<mujocoinclude>: this is a part of an MJCF file", id="mjcf"
         ),
@@ -69,7 +69,7 @@ def test_a_clean_file_is_read_without_a_word(tmp_path):
         pytest.param(
             b"<cube/>", "<cube>: the outermost element of a URDF must be <robot>", id="else"
         ),
-        pytest.param(b"\xff\xfea", "cannot be read as UTF-16-LE text", id="half a character"),
+        pytest.param(b"\xff\xfea", "cannot be decoded as UTF-16-LE", id="half a character"),
     ],
 )
 def test_what_is_no_urdf_is_refused(tmp_path, content, words):
@@ -83,7 +83,7 @@ def test_files_that_are_none_are_refused(tmp_path):
     assert "is a folder" in refusal(tmp_path)
     pipe = tmp_path / "pipe.urdf"
     os.mkfifo(pipe)
-    assert "is no regular file" in refusal(pipe)
+    assert "is not a regular file" in refusal(pipe)
     assert "there is no such file" in refusal(tmp_path / ("a" * 300))
 
 
@@ -105,12 +105,12 @@ def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
         ),
         pytest.param(
             b'<?xml version="1.0" encoding="utf-8"?>' + ARM.replace("base", "pié").encode("cp1252"),
-            "is not utf-8, as it says or should be; read as cp1252",
+            "cannot be decoded as utf-8; read as cp1252",
             id="not the encoding it claims",
         ),
         pytest.param(
             b'<?xml version="1.0" encoding="klingon"?>' + ARM.encode(),
-            "is not klingon",
+            "cannot be decoded as klingon; read as utf-8",
             id="unknown encoding",
         ),
         pytest.param(
@@ -120,11 +120,11 @@ def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
         ),
         pytest.param(
             b'<!-- licence -->\n<?xml version="1.0" encoding="utf-8"?>' + ARM.encode(),
-            "<?xml ...?> is not at the beginning",
+            "the declaration <?xml ...?> is not at the beginning",
             id="comment before it",
         ),
         pytest.param(
-            b"<!-- a -- b -->" + ARM.encode(), "1 comment(s) hold --", id="dashes in a comment"
+            b"<!-- a -- b -->" + ARM.encode(), "1 comment contains --", id="dashes in a comment"
         ),
     ],
 )
@@ -152,8 +152,8 @@ def test_undeclared_prefixes_are_no_error(tmp_path):
     text = ARM.replace("<link ", '<gazebo:plugin ros:speed="3"/><link ros:mass="1" ', 1)
     robot, report = read(tmp_path / "a.urdf", text.encode())
     assert told(report) == [
-        ("dropped", "<gazebo:plugin> 1 ×: of a namespace that no simulation uses"),
-        ("dropped", "attribute ros:mass 1 ×: of a namespace that no simulation uses"),
+        ("dropped", "<gazebo:plugin> 1 ×: belongs to a namespace of another program"),
+        ("dropped", "attribute ros:mass 1 ×: belongs to a namespace of another program"),
     ]
     assert all(":" not in element.tag for element in robot.iter())
 
@@ -191,7 +191,7 @@ def test_comments_that_hide_elements_are_told_once(tmp_path):
     )
     [(kind, text)] = told(report)
     assert kind == "read"
-    assert text.startswith("2 comment(s) hide elements (")
+    assert text.startswith("2 comments contain elements (")
     assert "1 <visual>" in text
     assert "1 <joint>" in text
 

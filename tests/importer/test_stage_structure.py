@@ -6,7 +6,7 @@ import pytest
 from repair_stages import ARM, END, FLANGE, INERTIA, LIMIT, TIP, Repaired, joint, with_defect
 
 from simrob_drake.base.errors import InvalidModel
-from simrob_drake.importer.repairs.structure import mend_numbers
+from simrob_drake.importer.repairs.structure import repair_numbers
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import movable_joints, name_of, root_link
 
@@ -30,7 +30,7 @@ MENDED = [
         '<robot name="arm">',
         "<robot>",
         "repaired",
-        "called 'arm' after its file",
+        "named 'arm' after its file",
         id="robot without name",
     ),
     pytest.param(
@@ -41,35 +41,39 @@ MENDED = [
         id="joint no name",
     ),
     pytest.param(
-        TIP, "<link/>", "repaired", "link 'tip': had no name; a joint asks", id="link without name"
+        TIP,
+        "<link/>",
+        "repaired",
+        "link 'tip': has no name in the file; joints refer",
+        id="link without name",
     ),
     pytest.param(
         'link="tip"',
         'link=" tip "',
         "repaired",
-        "link=' tip ' has blanks around it; 'tip'",
+        "link=' tip ' has blanks at its ends; written as 'tip'",
         id="blanks",
     ),
     pytest.param(
         'link="tip"',
         'link="Tip"',
         "repaired",
-        "'Tip' is no link; 'tip', which differs in case",
+        "'Tip' is not a link; 'tip' is used, which differs in case only",
         id="case",
     ),
-    pytest.param(TIP, TIP * 2, "dropped", "link 'tip': stands twice", id="link twice"),
+    pytest.param(TIP, TIP * 2, "dropped", "link 'tip': is defined twice", id="link twice"),
     pytest.param(
         TIP,
         f'{TIP}<link name="upper"/>',
         "dropped",
-        "link 'upper': stands twice",
+        "link 'upper': is defined twice",
         id="empty second link",
     ),
     pytest.param(
         FLANGE,
         FLANGE * 2,
         "dropped",
-        "joint 'flange': stands twice, word for word",
+        "joint 'flange': is defined twice with the same content",
         id="joint twice",
     ),
     pytest.param(
@@ -83,24 +87,28 @@ MENDED = [
         END,
         joint("more", "tip", "none") + END,
         "dropped",
-        "joint 'more': its child 'none' is no link",
+        "joint 'more': its <child> 'none' is not a link",
         id="dangling child",
     ),
     pytest.param(
-        FLANGE, "", "dropped", "link 'tip': no joint leads to it; left out", id="lone link"
+        FLANGE,
+        "",
+        "dropped",
+        "link 'tip': no joint connects this link with the robot; left out",
+        id="lone link",
     ),
     pytest.param(
         FLANGE,
         '<link name="b"/>' + joint("j", "tip", "b"),
         "dropped",
-        "link 'tip': no joint leads to it; left out with b",
+        "link 'tip': no joint connects this link with the robot; left out with b",
         id="lone tree that does not move",
     ),
     pytest.param(
         TIP,
         f'<link name="tip">{FLANGE}</link>',
         "repaired",
-        "joint 'flange': stood in a <link>; moved into <robot>",
+        "joint 'flange': was in a <link>; moved into <robot>",
         id="joint in a link",
     ),
     pytest.param(
@@ -160,13 +168,14 @@ REFUSED = [
     pytest.param(
         '<parent link="base"/>',
         "",
-        "joint 'shoulder': it has no parent; without it",
+        "joint 'shoulder': has no <parent>; without this joint",
         id="no parent",
     ),
     pytest.param(
         '<parent link="base"/>',
         '<parent link="bse"/>',
-        "joint 'shoulder': its parent 'bse' is no link; did you mean 'base'?; without it the robot falls apart",
+        "joint 'shoulder': its <parent> 'bse' is not a link; did you mean 'base'?; "
+        "without this joint the links are not connected",
         id="unknown parent",
     ),
     pytest.param(
@@ -190,13 +199,13 @@ REFUSED = [
     pytest.param(
         END,
         '<link name="upper"><visual/></link>' + END,
-        "link 'upper': stands twice",
+        "link 'upper': is defined twice",
         id="different links",
     ),
     pytest.param(
         END,
         joint("shoulder", "base", "upper") + END,
-        "joint 'shoulder': stands twice with different",
+        "joint 'shoulder': is defined twice with different",
         id="joints",
     ),
     pytest.param(
@@ -208,7 +217,7 @@ REFUSED = [
     pytest.param(
         END,
         '<loop_joint name="l"/>' + END,
-        "<loop_joint> 'l': is no part of a tree",
+        "<loop_joint> 'l': does not fit into a robot",
         id="loop joint",
     ),
     pytest.param(
@@ -271,7 +280,7 @@ def test_a_world_link_becomes_a_root_of_another_name(tmp_path):
     )
     done = Repaired(text, tmp_path)
     assert root_link(done.robot) == "robot_world"
-    assert any("was called 'world'" in entry for entry in done.told("repaired"))
+    assert any("had the name 'world'" in entry for entry in done.told("repaired"))
     assert done.base == "fixed"
     pose = done.plant.GetFrameByName("base").GetFixedPoseInBodyFrame()
     assert pose.translation().tolist() == [1, 2, 3]
@@ -335,7 +344,7 @@ NUMBERS = [
 def test_numbers_are_understood_or_counted_as_missing(tmp_path, text, right, kind):
     robot = ET.fromstring(f"<robot><link name='l'>{text}</link></robot>")
     report = ImportReport(tmp_path / "a.urdf")
-    mend_numbers(robot, report)
+    repair_numbers(robot, report)
     values = list(robot[0][0].attrib.values())
     assert values == ([] if right is None else [right])
     assert [entry.kind for entry in report.entries] == ([] if kind is None else [kind])
@@ -344,7 +353,7 @@ def test_numbers_are_understood_or_counted_as_missing(tmp_path, text, right, kin
 def test_one_unreadable_moment_makes_all_of_them_missing(tmp_path):
     robot = ET.fromstring(f"<robot><link name='l'>{INERTIA.replace('0.01', 'x', 1)}</link></robot>")
     report = ImportReport(tmp_path / "a.urdf")
-    mend_numbers(robot, report)
+    repair_numbers(robot, report)
     assert robot[0][0].attrib == {}
     assert [entry.text for entry in report.entries] == [
         'ixx="x" is not a finite number; the moments count as missing'

@@ -88,7 +88,10 @@ def test_macros_of_other_packages_are_found_and_computed(tmp_path):
     inertia = robot.find("link[@name='upper']/inertial/inertia")
     assert inertia is not None
     assert float(inertia.attrib["ixx"]) == pytest.approx(2 * 0.3**2 / 12)
-    told = ["arguments, given with --xacro-arg NAME:=VALUE: mass:=2", "xacro, expanded"]
+    told = [
+        "arguments, which --xacro-arg NAME:=VALUE sets: mass:=2",
+        "the macros of the xacro file are expanded",
+    ]
     assert [entry.text for entry in report.entries] == told
 
 
@@ -98,7 +101,7 @@ def test_packages_are_found_below_a_mesh_path_and_told_where_they_are_not(tmp_pa
     path = packages(tmp_path / "here")
     (tmp_path / "there" / "deep").mkdir(parents=True)
     (path.parents[2] / "bars").rename(tmp_path / "there" / "deep" / "bars")
-    assert "package 'bars' is not found, name its folder with --mesh-path DIR" in refusal(path)
+    assert "package 'bars' is not found; give its folder with --mesh-path DIR" in refusal(path)
     read_source(path, ImportReport(path), ImportOptions(mesh_path=(tmp_path / "there",)))
 
 
@@ -155,20 +158,20 @@ def test_a_folder_called_xacro_is_not_taken_for_the_package(tmp_path):
 @pytest.mark.parametrize(
     ("body", "words"),
     [
-        ("<xacro:lost/>", "xacro cannot expand it: unknown macro name: xacro:lost"),
+        ("<xacro:lost/>", "xacro cannot expand the file: unknown macro name: xacro:lost"),
         (
             '<link name="$(arg kind)"/>',
-            "argument kind; arguments, given with --xacro-arg NAME:=VALUE: kind (needed)",
+            "argument kind; arguments, which --xacro-arg NAME:=VALUE sets: kind (required)",
         ),
         ('<link name="${1 / 0}"/>', "division by zero"),
         ('<link name="${1 +}"/>', "invalid syntax"),
-        ('<link name="${[0] * 10**10}"/>', "xacro cannot expand it"),
+        ('<link name="${[0] * 10**10}"/>', "xacro cannot expand the file"),
         ('<xacro:include filename="lost.xacro"/>', "lost.xacro: No such file or directory"),
         (
             '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>',
             "maximum recursion depth exceeded",
         ),
-        ("<link name=\"${'x' * 1000000}\"/>" * 21, "gives more than 20 MB"),
+        ("<link name=\"${'x' * 1000000}\"/>" * 21, "the result is larger than 20 MB"),
         ("<xacro:element xacro:name=\"${'xacro' + ':late'}\"/>", "xacro"),
     ],
 )
@@ -183,7 +186,7 @@ def test_a_xacro_without_end_is_stopped(tmp_path, monkeypatch):
         tmp_path, '<link name="${[len([0 for i in range(90000)]) for k in range(90000)]}"/>'
     )
     start = time.monotonic()
-    assert "did not end within 1.5 s" in refusal(path)
+    assert "the process does not end within 1.5 s" in refusal(path)
     assert time.monotonic() - start < 15
 
 
@@ -204,7 +207,7 @@ def test_nothing_is_read_outside_of_the_folders_of_meshes(tmp_path, reading):
     path = alone(tmp_path, reading.replace("SECRET", str(secret)))
     os.symlink(secret, path.parent / "link.xacro")
     told = refusal(path)
-    assert "lies outside of the allowed folders" in told
+    assert "is outside the allowed folders" in told
     assert f"allow it with --mesh-path {tmp_path}" in told
 
 
@@ -257,13 +260,13 @@ def test_what_the_file_says_and_what_the_system_lacks_is_in_the_report(tmp_path,
     path = alone(tmp_path, "<link name=\"a${xacro.warning('old', 'names')}\"/>")
     read_source(path, report := ImportReport(path))
     assert [entry.text for entry in report.of("read")] == [
-        "the file says: old names",
-        "xacro, expanded",
+        "message of the file: old names",
+        "the macros of the xacro file are expanded",
     ]
     end = {"urdf": HEAD + "</robot>", "messages": [], "unconfined": ["Landlock"]}
     monkeypatch.setattr(child, "_exchange", lambda *_: end)
     read_source(path, report := ImportReport(path))
-    assert "read without Landlock, which would confine the process" in report.of("read")[0].text
+    assert "read in a process without the protection of Landlock" in report.of("read")[0].text
 
 
 @pytest.mark.long
@@ -293,11 +296,13 @@ def test_the_environment_is_not_there_to_read(tmp_path, monkeypatch):
 def test_a_file_of_macros_alone_is_told_with_them_and_with_what_calls_them(tmp_path):
     path = packages(tmp_path)
     told = refusal(tmp_path / "bars" / "bar.xacro")
-    assert told.endswith("bar.xacro: holds no robot, but macros that others call: bar(name, mass)")
-    (path.parent / "bar.xacro").write_text(BAR)
-    assert told + "; called by urdf/arm.urdf.xacro" == refusal(path.parent / "bar.xacro").replace(
-        "arm_support/urdf", "bars"
+    assert told.endswith(
+        "bar.xacro: contains no robot, only macros for other files: bar(name, mass)"
     )
+    (path.parent / "bar.xacro").write_text(BAR)
+    assert told + "; files that call these macros: urdf/arm.urdf.xacro" == refusal(
+        path.parent / "bar.xacro"
+    ).replace("arm_support/urdf", "bars")
 
 
 @pytest.mark.long
@@ -316,12 +321,12 @@ def test_arguments_are_told_with_what_is_known_of_them(tmp_path):
     path = alone(tmp_path, body)
     told = refusal(path)
     assert "kinds/short/figures.yaml: No such file or directory; arguments" in told
-    assert "kind:=short (known: long); hand:=none (known: none, three, two)" in told
+    assert "kind:=short (known values: long); hand:=none (known values: none, three, two)" in told
     robot = read_source(
         path, report := ImportReport(path), ImportOptions(xacro_arg=("kind:=long",))
     )
     assert [link.get("name") for link in robot] == ["base", "tip", "l2"]
-    assert "hand:=none (known: none, three, two)" in report.of("read")[0].text
+    assert "hand:=none (known values: none, three, two)" in report.of("read")[0].text
 
 
 @pytest.mark.long
@@ -331,5 +336,5 @@ def test_an_argument_that_is_used_before_its_declaration_has_its_value(tmp_path)
     robot = read_source(path, report := ImportReport(path))
     assert [link.get("name") for link in robot] == ["base", "short"]
     assert [entry.text for entry in report.of("defaulted")] == [
-        "kind:=short, which the file declares after its first use"
+        "kind:=short; the file declares this default after the first use"
     ]

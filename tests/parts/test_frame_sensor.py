@@ -156,7 +156,7 @@ def test_an_error_in_the_code_of_a_block_is_no_divergence(monkeypatch):
     result = simulate(station, duration=0.1, progress=False)
 
     assert result.ending == "failed"
-    assert "a fault of the program, at 0 s: KeyError: 'absent'" in result.message
+    assert "an error in the code at 0 s: KeyError: 'absent'" in result.message
 
 
 def test_an_unknown_frame_is_refused():

@@ -57,7 +57,7 @@ print(before, [name for name in held if f"simrob_drake.parts.{name}" in sys.modu
         ),
         (
             {"sensors": {"a": {"rate": 3}}},
-            "sensors.a.kind: this key is needed; known: force, distance",
+            "sensors.a.kind: this key is required; known: force, distance",
         ),
         ({"sensors": {"imu": {"ratte": 3}}}, "sensors.imu.ratte: unknown key; did you mean 'rate'"),
         ({"monitors": {"fall": {"height": -1}}}, "monitors.fall.height: "),

@@ -156,7 +156,7 @@ def test_a_run_that_ends_before_the_robot_is_balanced_has_a_warning() -> None:
     result = simulate(load_station("acrobot", {"duration": 1.5}), progress=False)
 
     (warning,) = result.verdict.warnings
-    assert "off what was asked" in str(warning)
+    assert "from its target position" in str(warning)
     errors = result.verdict["final_error"]
     assert {entry.subject for entry in errors.entries} == {"shoulder", "elbow"}
     assert not errors.left_out

@@ -136,8 +136,8 @@ def test_an_invalid_file_of_a_grid_is_refused(tmp_path, grids):
     )
 
     messages = {
-        "words.csv": "line 1: holds something that is no number",
-        "ragged.csv": "line 2: has 1 cells, and the first line 2",
+        "words.csv": "line 1: contains a value that is not a number",
+        "ragged.csv": "line 2: has 1 cells, but the first line has 2",
         "no.csv": "cannot be read",
         "empty.png": "cannot be read as an image",
         "large.png": "more than 100000",

@@ -200,7 +200,7 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
         (
             lambda: LeggedRobot("humanoid_dynamic").simulate(automatic=True),
             InvalidParameter,
-            "without references",
+            "the program: it has no references",
         ),
         (lambda: standing().simulate(automatic=3), InvalidParameter, "automatic is 3"),
         (lambda: standing().simulate(automatic={"timeout": -1}), InvalidConfig, "timeout"),
@@ -219,7 +219,7 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
         (
             lambda: arm().simulate(automatic=True, duration=3),
             InvalidParameter,
-            "takes the time of its own references",
+            "lasts as long as its references",
         ),
     ],
 )

@@ -78,7 +78,7 @@ def test_free_moves_take_as_long_as_accelerations_need(arm):
             planner.move_l(CORNERS[1:], wobj="table", **how)
         ).max() == pytest.approx(0.98, rel=0.02)
     with pytest.raises(
-        AccelerationLimitExceeded, match=r"joint_\d would be sped up by .* deg/s²;.*duration of"
+        AccelerationLimitExceeded, match=r"joint_\d would accelerate at .* deg/s²;.*duration of"
     ) as caught:
         planner.move_abs_j(HOME, duration=0.9)
     assert planner.move_abs_j(HOME, duration=caught.value.duration).duration > 0.9
@@ -169,22 +169,28 @@ def test_zones_are_rapid_s():
     [
         (
             {"zone": "z60"},
-            r"zone is 60 mm; it must be at most 50 mm at targets\[0\]: half of the shorter way",
+            r"zone is 60 mm; it must be at most 50 mm at targets\[0\]: half of the shorter of the two paths",
         ),
         ({"zone": "z201"}, "zone is 'z201'; it must be 'fine', 'z0' to 'z200'"),
         ({"zone": "ten"}, "zone is 'ten'"),
         ({"zone": -0.1}, "zone is -0.1; it must be a positive number"),
         (
             {"zone": "z10", "times": [1, 2, 3]},
-            "times: targets with a zone are passed, .*; leave it out",
+            "times: the tool passes targets with a zone .*; leave it out",
         ),
         (
             {"profile": "sine"},
             "no profile 'sine'; known: jerk_limited, s_curve, smooth, time_optimal, trapezoid",
         ),
-        ({"acceleration": 1.0}, "acceleration is 1.0; it must be given with a speed"),
+        (
+            {"acceleration": 1.0},
+            "acceleration: only a move that reaches a cruising speed has it; set speed",
+        ),
         ({"speed": 0.1, "acceleration": 0.0}, "acceleration is 0.0; it must be a positive number"),
-        ({"speed": 0.1, "profile": "smooth", "acceleration": 1.0}, "of a move that cruises"),
+        (
+            {"speed": 0.1, "profile": "smooth", "acceleration": 1.0},
+            "only a move that reaches a cruising speed has it",
+        ),
     ],
 )
 def test_wrong_ways_of_doing_it(arm, how, message):
@@ -194,13 +200,13 @@ def test_wrong_ways_of_doing_it(arm, how, message):
 
 def test_what_one_call_cannot_do(arm):
     with pytest.raises(
-        SimrobError, match="zone is z10; it must be with several targets in one call"
+        SimrobError, match="zone: a move rests at its last target; give several targets in one call"
     ):
         arm.plan.move_l(CORNERS[1], wobj="table", zone="z10")
     with pytest.raises(SimrobError, match=r"stop: .* zone.*; give one of the two"):
         arm.plan.move_abs_j(ROWS, zone="z10", stop=True)
     with pytest.raises(
-        SimrobError, match="profile is given; it must be given with stop=True or a zone"
+        SimrobError, match=r"profile: .* has no cruising speed; set stop=True or a zone"
     ):
         arm.plan.move_abs_j(ROWS, profile="s_curve")
 
@@ -210,7 +216,7 @@ def test_speeds_beyond_the_joints_are_refused_with_one_that_would_do(arm):
         (
             {"speed": 0.5, "acceleration": 100.0},
             AccelerationLimitExceeded,
-            r"give it an acceleration of [\d.]+ m/s²",
+            r"give the move an acceleration of [\d.]+ m/s²",
         ),
         (
             {"speed": 1.9, "profile": "smooth"},

@@ -7,7 +7,7 @@ from PIL import Image
 from simrob_drake import LeggedRobot, Program, load_station
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.results.record.run import events_of
-from simrob_drake.results.result import joined
+from simrob_drake.results.result import join_runs
 
 PARCEL = {"parent": "world", "pose": [0.2, -0.3, 0.3, 0, 0, 0]}
 
@@ -28,7 +28,7 @@ def robot():
 @pytest.mark.long
 def test_runs_join_where_each_begins(robot):
     first, walk, last = robot.runs
-    whole = joined(robot.runs)
+    whole = join_runs(robot.runs)
     assert whole.stop_time == pytest.approx(first.stop_time + walk.stop_time + last.stop_time)
     times = np.array(
         [0.0, 0.2, first.stop_time, first.stop_time + 3.0, whole.stop_time - 0.5, whole.stop_time]

@@ -1,4 +1,4 @@
-"""What is taken from where, and what falls once it is let go."""
+"""Attaching and releasing pieces: from how far a tool takes a piece, and which released pieces fall."""
 
 import numpy as np
 import pytest
@@ -44,67 +44,75 @@ def test_the_distance_of_boxes_is_that_of_their_nearest_points():
 
 
 @pytest.mark.long
-def test_a_piece_that_is_let_go_falls_and_lies_on_the_floor():
+def test_a_released_piece_falls_and_lies_on_the_floor():
+    """It falls by the law of free fall, comes to rest on the floor, and the cell has its pose there."""
     arm = held()
     arm.wait(0.3)
-    before, speed = (
-        arm.cell.frame("weight").translation(),
-        arm.cell.model.motion("weight", arm.cell.state).velocity,
-    )
+    height = arm.cell.frame("weight").translation()[2]
+    vertical_speed = arm.cell.model.motion("weight", arm.cell.state).velocity[5]
+
     arm.release("weight")
-    assert arm.cell.config.pieces["weight"].free
+    is_free = arm.cell.config.pieces["weight"].free
     fall = arm.wait(0.1)
-    assert fall["piece.weight.z"][-1] == pytest.approx(
-        before[2] + 0.1 * speed[5] - 0.5 * 9.80665 * 0.1**2, abs=2e-4
-    )
     arm.wait(1.5)
-    lies = arm.cell.frame("weight").translation()
-    assert lies[2] < 0.1
+    resting_position = arm.cell.frame("weight").translation()
     rest = arm.wait(0.2)
+
+    assert is_free
+    expected_height = height + 0.1 * vertical_speed - 0.5 * 9.80665 * 0.1**2
+    assert fall["piece.weight.z"][-1] == pytest.approx(expected_height, abs=2e-4)
+    assert resting_position[2] < 0.1
     assert np.abs([rest[f"piece.weight.v{axis}"][-1] for axis in "xyz"]).max() < 0.02
-    # the cell knows where
-    np.testing.assert_allclose(arm.cell.frame("weight").translation(), lies, atol=0.01)
+    np.testing.assert_allclose(arm.cell.frame("weight").translation(), resting_position, atol=0.01)
 
 
-def test_what_is_let_go_in_motion_flies_on():
+def test_a_piece_released_in_motion_flies_on():
+    """Its velocity at the start of the flight is that with which the arm carried it."""
     arm = held()
-    there = arm.reference + np.array([0.6, 0, 0, 0, 0, 0])
-    arm.cell.follow({arm.name: (np.array([0.0, 0.3]), np.array([arm.reference, there]))}, 0.2)
-    place, turn = arm.cell.frame("weight").translation(), arm.velocity[0]
-    assert turn > 0.5
+    target = arm.reference + np.array([0.6, 0, 0, 0, 0, 0])
+    arm.cell.follow({arm.name: (np.array([0.0, 0.3]), np.array([arm.reference, target]))}, 0.2)
+    position = arm.cell.frame("weight").translation()
+    turning_speed = arm.velocity[0]
+    assert turning_speed > 0.5
     expected = arm.cell.model.motion("weight", arm.cell.state)
+
     arm.release("weight")
     flight = arm.wait(0.02)
-    start = np.array(
-        [flight[f"piece.weight.{column}"][0] for column in ("vx", "vy", "vz", "wx", "wy", "wz")]
-    )
+
+    columns = ("vx", "vy", "vz", "wx", "wy", "wz")
+    start = np.array([flight[f"piece.weight.{column}"][0] for column in columns])
     np.testing.assert_allclose(start, [*expected.velocity[3:], *expected.velocity[:3]], atol=1e-9)
-    # joint 1 turns about the world's z; the others hardly move
-    about = np.cross([0, 0, turn], place)
-    np.testing.assert_allclose(start[:2], about[:2], atol=0.05 * np.linalg.norm(about))
+    # Joint 1 turns about the world's z axis. The other joints hardly move.
+    carried = np.cross([0, 0, turning_speed], position)
+    np.testing.assert_allclose(start[:2], carried[:2], atol=0.05 * np.linalg.norm(carried))
 
 
-def test_it_stays_where_it_is_if_the_user_says_so():
+def test_a_piece_released_as_fixed_stays_where_it_is():
+    """With `fixed` the piece hangs in the air."""
     arm = held()
-    place = arm.cell.frame("weight").translation()
+    position = arm.cell.frame("weight").translation()
+
     arm.release("weight", fixed=True)
     arm.wait(0.1)
-    np.testing.assert_allclose(arm.cell.frame("weight").translation(), place, atol=1e-12)
+
+    np.testing.assert_allclose(arm.cell.frame("weight").translation(), position, atol=1e-12)
 
 
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"contact": None}, "in a station without contact"),
-        ({"floor": None}, "over nothing"),
+        ({"contact": None}, "the station has no contact"),
+        ({"floor": None}, "no floor and no fixed box is below it"),
         (
             {"pieces": {"weight": {**WEIGHT, "mass": 0.5, "inertia": [0, 0, 0]}}},
             "without mass and inertia",
         ),
     ],
 )
-def test_what_would_fall_for_ever_is_not_let_go(changes, message):
+def test_a_piece_that_would_fall_forever_is_not_released(changes, message):
+    """The message has the reason. With `fixed`, the release is possible."""
     arm = held(**changes)
+
     with pytest.raises(InvalidParameter, match=message):
         arm.release("weight")
     arm.release("weight", fixed=True)
@@ -191,5 +199,7 @@ def test_the_tool_in_use_takes_a_piece_where_it_is_moved_to():
 @pytest.mark.parametrize("station", ["irb120_kinematic", "irb120_dynamic"])
 def test_what_nobody_holds_is_not_let_go(station):
     arm = Arm(load_station(station, BARE))
-    with pytest.raises(InvalidParameter, match="weight, to be let go, is held by nothing"):
+    with pytest.raises(
+        InvalidParameter, match="weight: it is attached to no robot and to no piece"
+    ):
         arm.release("weight")

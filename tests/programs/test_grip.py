@@ -139,7 +139,8 @@ def test_a_kinematic_gripper_opens_and_closes():
     arm.move_abs_j([0, 0.1, 0, 0, 1.5, 0])  # without the fingers, which stay
     np.testing.assert_allclose(arm.position, [0, 0.1, 0, 0, 1.5, 0, 0.015, 0.015], atol=1e-9)
     with pytest.raises(
-        SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as irb120_gripper"
+        SimrobError,
+        match=r"width is 0\.06; it must be at most 0\.05 m, the largest opening of irb120_gripper",
     ):
         arm.open(width=0.06)
     with pytest.raises(
@@ -153,7 +154,7 @@ def test_what_fingers_cannot_do_is_said():
     arm = Arm(load_station("irb120_gripper", ALONE))
     with pytest.raises(SimrobError, match=r"force is 200\.0; it must be at most 130"):
         arm.grip(force=200)
-    with pytest.raises(SimrobError, match=r"one with a gripper: in its robot\.yaml"):
+    with pytest.raises(SimrobError, match=r"a robot with a gripper in its robot\.yaml"):
         Arm("irb120_dynamic").grip()
     with pytest.raises(SimrobError, match="a robot with a gripper"):
         load_station("irb120_dynamic", {"monitors": {"dropped": {"kind": "empty_grip"}}})
@@ -163,7 +164,8 @@ def test_a_force_that_soft_servos_cannot_press_with_is_refused():
     soft = {"servo.kp": {"left_finger": 1000.0, "right_finger": 1000.0}}
     arm = Workcell(load_station("irb120_gripper", soft)).arm()
     with pytest.raises(
-        SimrobError, match=r"force is 60\.0; it must be at most 25, as servo\.kp of left_finger"
+        SimrobError,
+        match=r"force is 60\.0; it must be at most 25 N, the force that servo\.kp of left_finger",
     ):
         arm.grip(force=60)
     arm.grip(force=20)

@@ -61,7 +61,8 @@ def test_the_look_ahead_ends_after_a_box_that_fingers_drop(tmp_path):
 def test_fingers_without_a_piece_still_run_into_it(tmp_path):
     closed = {"target_deg": {"finger_left_joint": 0.0}, "duration": 0.7}
     with pytest.raises(
-        PathCollision, match=r"would run into box, .*; `check: limits` in the move allows it"
+        PathCollision,
+        match=r"would collide with box, .*; `check: limits` in the move leaves out this check",
     ):
         rehearsed(tmp_path, [closed, DOWN])
 
@@ -84,7 +85,7 @@ def test_robots_with_legs_refuse_the_check(tmp_path):
         {"moves": [{"target_deg": {"waist": 5}, "check": "limits"}]}, "program"
     )
     with pytest.raises(
-        SimrobError, match="check: only moves of arms check limits of speed and collisions"
+        SimrobError, match="check: only moves of arms check speed limits and collisions"
     ):
         robot.run(program)
 
@@ -116,7 +117,7 @@ def test_a_box_that_slips_out_of_the_fingers_is_reported_with_its_move(tmp_path)
 def test_a_lost_box_in_the_way_of_a_later_move_is_named(tmp_path):
     config = lifting_station(tmp_path, [DOWN, WEAK_GRIP, UP, DOWN_AGAIN])
     with pytest.raises(
-        PathCollision, match=r"would run into box.*before that, box slipped out .* in move 3"
+        PathCollision, match=r"would collide with box.*before that, box slipped out .* in move 3"
     ):
         perform(Workcell(config), carried_program(config))
 
@@ -127,7 +128,7 @@ def test_a_motor_that_presses_on_a_box_is_not_called_too_weak_to_hold(tmp_path):
     result = perform(Workcell(config), carried_program(config))
     assert result["tau.lift"][-1] < -100  # downwards: gravity pulls that way, too
     remedies = [remark.remedy.text for remark in result.verdict.remarks if remark.remedy]
-    assert any("presses on something" in text for text in remedies)
+    assert any("presses against an obstacle" in text for text in remedies)
     assert not any("too weak" in text for text in remedies)
 
 
@@ -159,7 +160,7 @@ def test_distances_of_a_gripped_box_do_not_alarm_and_do_not_depend_on_gains(tmp_
     assert up.distance == pytest.approx(0.015, abs=2e-3)
     assert up.own_distance is None
     assert meaning_of_distances([down, grip, up]).startswith(
-        "nearest and itself: smallest distance to another body"
+        "nearest: smallest distance to another body. itself: "
     )
 
 

@@ -151,7 +151,7 @@ class TestTheWay:
         np.testing.assert_array_equal(shown.end, plain.end)
         cell.run(shown)
         page = save_recording(cell.result(), tmp_path / "recording.html").read_text()
-        assert "what the search tried" in page
+        assert "paths that the search tried" in page
         drawn = (base64.b64decode(found) for found in re.findall(r"base64,([A-Za-z0-9+/=]+)", page))
         assert any(b"search/robot/1" in message for message in drawn)
 
@@ -203,7 +203,7 @@ class TestHeldByFingers:
     @pytest.mark.long
     def test_what_is_held_goes_around_a_post(self, holding):
         end = [np.deg2rad(80), *holding.position[1:]]
-        with pytest.raises(PathCollision, match="bar would run into post"):
+        with pytest.raises(PathCollision, match="bar would collide with post"):
             holding.plan.move_abs_j(end)
         plan = holding.plan.move_free(joints=end)
         looks = plan.postures(np.linspace(0, plan.duration, 500))
@@ -224,7 +224,7 @@ class TestHeldByFingers:
         assert np.maximum(beside, above).min() > -0.001  # what may touch
 
     def test_a_post_at_the_goal_is_told(self, holding):
-        with pytest.raises(GoalInCollision, match=r"bar would be .* mm deep in post"):
+        with pytest.raises(GoalInCollision, match=r"bar would overlap post by .* mm"):
             holding.plan.move_free(joints=[np.deg2rad(40), *holding.position[1:]])
 
     def test_what_is_carried_reaches_as_far_as_its_corners(self, holding):
@@ -319,7 +319,9 @@ class TestTogether:
             {"move_free": {"joints": HOME, "robot": robot, "duration": time}}
             for robot, time in times.items()
         ]
-        with pytest.raises(InvalidParameter, match="around obstacles together"):
+        with pytest.raises(
+            InvalidParameter, match="moves around obstacles are planned as one path"
+        ):
             arm.do({"together": moves})
 
 
@@ -328,11 +330,13 @@ class TestWhyNot:
 
     def test_a_goal_in_collision(self, arm):
         with pytest.raises(
-            GoalInCollision, match=r"all \d postures there: .* would be .* mm deep in shelf at best"
+            GoalInCollision,
+            match=r"in all \d postures that reach it: .* would overlap shelf by .* mm in the best of them",
         ):
             arm.move_free([0.5, -0.2, 0.46, *AHEAD])
         with pytest.raises(
-            GoalInCollision, match=r"the only posture there: load would be .* mm deep in floor$"
+            GoalInCollision,
+            match=r"the only posture that reaches it: load would overlap floor by .* mm$",
         ):
             arm.move_free(joints=[0, 1.9, 0, 0, 1, 0])
         np.testing.assert_allclose(arm.position, HOME)
@@ -340,14 +344,15 @@ class TestWhyNot:
     def test_a_start_in_collision(self, arm):
         arm.move_abs_j([0, 0.9, 0, 0, 1, 0], check="limits")
         with pytest.raises(
-            StartInCollision, match=r"the start: .* is .* mm deep in shelf; go out of it by"
+            StartInCollision,
+            match=r"the start is in collision: .* overlaps shelf by .* mm; leave the collision by",
         ):
             arm.move_free(joints=HOME)
 
     def test_no_way_within_the_time(self, beside):
         with pytest.raises(
             NoFreePath,
-            match=r"no free way .* in 1e-06 s: .* is nearest, .* m left; in the way: shelf",
+            match=r"no free path was found in 1e-06 s; .* m of motion left; obstacles: shelf",
         ):
             beside.move_free(RIGHT, planning_time=1e-6)
 
@@ -355,15 +360,20 @@ class TestWhyNot:
         ("goal", "how", "kind", "text"),
         [
             ((0.9, 0, 0.3, *AHEAD), {}, Unreachable, "the target cannot be reached"),
-            (None, {}, InvalidParameter, "the target is missing"),
-            (LEFT, {"joints": HOME}, InvalidParameter, "the target is given twice"),
-            ([LEFT, RIGHT], {}, InvalidParameter, "one target"),
+            (None, {}, InvalidParameter, "the target: neither a pose nor joints are given"),
+            (LEFT, {"joints": HOME}, InvalidParameter, "the target: a pose and joints are given"),
+            ([LEFT, RIGHT], {}, InvalidParameter, "count of targets is 2; it must be 1"),
             (LEFT, {"seed": -1}, InvalidParameter, "seed is -1"),
             (LEFT, {"planning_time": 0}, InvalidParameter, "planning_time is 0"),
             (LEFT, {"free_turn": 1}, InvalidParameter, "free_turn is 1"),
-            (LEFT, {"zone": "z10"}, InvalidParameter, "zone is z10"),
+            (
+                LEFT,
+                {"zone": "z10"},
+                InvalidParameter,
+                "zone: a move around obstacles has a single target",
+            ),
             ("shelv", {}, SimrobError, "did you mean 'shelf'"),
-            (None, {"joints": [0, 0, 0, 0, 90, 0]}, SimrobError, "were these degrees"),
+            (None, {"joints": [0, 0, 0, 0, 90, 0]}, SimrobError, "if these are degrees"),
         ],
     )
     def test_what_is_no_target(self, arm, goal, how, kind, text):
@@ -371,7 +381,7 @@ class TestWhyNot:
             arm.move_free(goal, **how)
 
     def test_two_targets_in_a_file(self, arm):
-        with pytest.raises(InvalidConfig, match="where to is given by one of targets"):
+        with pytest.raises(InvalidConfig, match="exactly one of targets"):
             arm.do({"move_free": {"piece": "shelf", "joints": HOME}})
 
     def test_a_missing_package(self, beside, monkeypatch):

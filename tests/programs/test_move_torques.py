@@ -68,7 +68,7 @@ def test_a_move_in_a_given_time_is_warned_about_with_the_time_that_would_do() ->
 def test_a_motor_that_cannot_hold_the_arm_refuses_the_move() -> None:
     arm = limited_arm(joint_2=1.0)
     with pytest.raises(
-        TorqueLimitExceeded, match=r"joint_2 would need .* N·m to hold still there, .* 1 N·m"
+        TorqueLimitExceeded, match=r"joint_2 would need .* N·m to stay at rest there, .* 1 N·m"
     ) as refused:
         planned(arm)
     dynamics = arm.cell.model.rigid.dynamics(arm.name)

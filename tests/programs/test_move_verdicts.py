@@ -50,7 +50,7 @@ def test_a_slack_arm_ends_beside_its_target_by_what_the_joints_are_off():
     away = np.linalg.norm(arm.pose()[:3] - arm.pose(arm.reference)[:3])
     assert move.position_error == pytest.approx(away, abs=1e-6)
     assert move.following_error >= move.position_error > 0.005
-    warning = f"the move (move_l) ends {1e3 * away:.3g} mm beside its target (bound 2 mm)"
+    warning = f"the move (move_l) ends {1e3 * away:.3g} mm from its target (bound 2 mm)"
     assert warning in result.warnings
     assert not move.reached
     bound = {

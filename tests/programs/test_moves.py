@@ -245,7 +245,7 @@ def test_a_station_comes_by_name_file_or_configuration(tmp_path):
     for station in ("irb120_kinematic", config, Workcell(config)):
         assert Arm(station).axes[0] == "joint_1"
     with pytest.raises(
-        SimrobError, match="robot is not named; it must be one of left, right: robot='left'"
+        SimrobError, match="robot is not named; it must be one of left, right, such as robot='left'"
     ):
         Arm("two_arms")
 
@@ -301,7 +301,7 @@ class TestBadInput:
 
     def test_degrees_by_mistake(self):
         with pytest.raises(
-            JointLimitExceeded, match=r"^the target: joint_2 .* 1718\.9 deg, .*were these degrees\?"
+            JointLimitExceeded, match=r"^the target: joint_2 .* 1718\.9 deg, .*if these are degrees"
         ):
             self.arm.move_abs_j([0, 30, 0, 0, 30, 0])
         with pytest.raises(
@@ -380,9 +380,9 @@ class TestBadInput:
 
     def test_a_plan_made_for_another_place(self, kinematic):
         stale = Arm(self.arm.cell.config).plan.move_abs_j(HOME)
-        with pytest.raises(SimrobError, match="plan of robot is made for another place"):
+        with pytest.raises(SimrobError, match="plan of robot: it begins in another posture"):
             self.arm.cell.run(stale)
-        with pytest.raises(SimrobError, match=r"plans is empty; it must be some"):
+        with pytest.raises(SimrobError, match=r"run: neither plans nor a duration are given"):
             self.arm.cell.run()
 
 
@@ -456,7 +456,7 @@ class TestCollisions:
     def test_a_move_into_the_table_names_the_first_point(self, kinematic):
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
         with pytest.raises(
-            PathCollision, match=r"point \d+ of 10 .*: load would run into table, .* mm deep"
+            PathCollision, match=r"point \d+ of 10 .*: load would collide with table, .* mm deep"
         ) as caught:
             kinematic.move_l([0.1, 0.15, -0.05], wobj="table", check="collision")
         assert 5 <= caught.value.point <= 7  # the tip meets the surface half-way
@@ -503,7 +503,8 @@ class TestCollisions:
         cell, to_middle = into_the_middle
         plans = to_middle("left"), to_middle("right")
         with pytest.raises(
-            PathCollision, match=r"point \d+ of 10 .*: (left|right).* would run into (left|right).*"
+            PathCollision,
+            match=r"point \d+ of 10 .*: (left|right).* would collide with (left|right).*",
         ) as hit:
             cell.run(*plans)
         assert {body.split(".")[0].split("_")[0] for body in hit.value.bodies} == {"left", "right"}
@@ -523,9 +524,9 @@ class TestCollisions:
         plan, right = to_middle("left"), cell.arm("right")
         right.move_l([0.0, 0.0, 0.35])
         for _ in range(2):
-            with pytest.raises(PathCollision, match=r"left.* would run into right"):
+            with pytest.raises(PathCollision, match=r"left.* would collide with right"):
                 cell.run(plan)
-            with pytest.raises(PathCollision, match=r"left.* would run into right"):
+            with pytest.raises(PathCollision, match=r"left.* would collide with right"):
                 to_middle("left")
 
 
@@ -540,15 +541,19 @@ class TestUnits:
     @pytest.mark.parametrize(
         ("target", "how", "text"),
         [
-            ([0.3, 0, 0.4, 0, 0, 180], {}, "180 rad; .* were these degrees"),
-            ([300, 0, 400, 0, 0, np.pi], {}, "300 m; .* were these millimetres"),
-            ([300, 0, 400], {}, "300 m; .* were these millimetres"),
+            ([0.3, 0, 0.4, 0, 0, 180], {}, "a value of 180 rad seems to be in degrees"),
+            ([300, 0, 400, 0, 0, np.pi], {}, "a value of 300 m seems to be in millimetres"),
+            ([300, 0, 400], {}, "a value of 300 m seems to be in millimetres"),
             ([[0.3, 0, 0.4], [0.3, 0, 400]], {}, "400 m"),
-            ([0.3, 0, 0.1, *DOWN], {"wobj": [0, 0, 0, 90, 0, 0]}, "wobj is one with 90 rad"),
+            (
+                [0.3, 0, 0.1, *DOWN],
+                {"wobj": [0, 0, 0, 90, 0, 0]},
+                "wobj: a value of 90 rad seems to be in degrees",
+            ),
             (
                 [0.3, 0, 0.3],
                 {"speed": 50},
-                r"speed is 50 m/s; .* were these mm/s\? Then it is 0.05",
+                r"speed is 50 m/s; .* if these are mm/s, give 0.05",
             ),
         ],
     )
@@ -560,13 +565,13 @@ class TestUnits:
     @pytest.mark.parametrize("place", [(0.0, 1e14, 0.0), (0.0, 0.0, -120.0)])
     def test_a_tool_far_from_its_flange_is_refused(self, kinematic, place, form):
         with pytest.raises(
-            InvalidParameter, match=r"tool is one with .* m; .* were these millimetres"
+            InvalidParameter, match=r"tool: a value of .* m seems to be in millimetres"
         ):
             kinematic.tool(form([*place, 0.0, 0.0, 0.0]))
 
     def test_a_piece_far_from_its_hand_is_refused(self):
         cell = Workcell("irb120_gripper")
-        with pytest.raises(InvalidParameter, match=r"pose is one with 1e\+14 m"):
+        with pytest.raises(InvalidParameter, match=r"pose: a value of 1e\+14 m"):
             cell.attach("cube_1", pose=[0.0, 1e14, 0.0, 0.0, 0.0, 0.0])
 
     def test_other_forms_of_poses_are_left_alone(self, kinematic):

@@ -27,7 +27,7 @@ def arm_of(robot: str, mode: str = "kinematic") -> Arm:
 @pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
 def test_a_move_into_the_arm_itself_is_refused(mode):
     arm = arm_of("ur5", mode)
-    with pytest.raises(PathCollision, match=r"link_1 would run into link_4, .* mm deep") as hit:
+    with pytest.raises(PathCollision, match=r"link_1 would collide with link_4, .* mm deep") as hit:
         arm.move_abs_j(FOLDED)
     assert hit.value.bodies == ("link_1", "link_4")
     assert 0.005 < hit.value.depth < 0.05
@@ -43,7 +43,7 @@ def test_poses_lead_into_the_arm_no_more_than_postures():
     pose = arm.pose(FOLDED)
     arm.move_abs_j(FOLDED + np.deg2rad([0, 0, -25, 0, 0, 0]))
     for move in (arm.plan.move_j, arm.plan.move_l):
-        with pytest.raises(PathCollision, match="link_1 would run into link_4"):
+        with pytest.raises(PathCollision, match="link_1 would collide with link_4"):
             move(pose)
 
 
@@ -77,7 +77,7 @@ def test_programs_in_files_are_refused(tmp_path, capsys):
     file.write_text(json.dumps({"station": "station.yaml", "moves": moves}))
     out = ["--out", str(tmp_path / "run"), "--no-recording"]
     assert run_command(["run", str(file), *out]) == 2
-    assert "link_1 would run into link_4" in capsys.readouterr().err
+    assert "link_1 would collide with link_4" in capsys.readouterr().err
     moves[0]["move_abs_j"]["check"] = None
     file.write_text(json.dumps({"station": "station.yaml", "moves": moves}))
     assert run_command(["run", str(file), *out]) == 0

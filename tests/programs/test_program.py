@@ -45,26 +45,26 @@ class TestChanges:
         knee = move_of({"RodD": 5}, 1)
         assert [move.duration for move in WAVE.moves] == [1.0, 0.5, 2.0]
         assert WAVE.duration == 3.5
-        assert WAVE.removed(1).moves == (WAVE.moves[0], WAVE.moves[2])
-        assert WAVE.removed(-1).moves == WAVE.moves[:2]
-        assert WAVE.inserted(0, knee).moves == (knee, *WAVE.moves)
-        assert WAVE.inserted(3, knee).moves == (*WAVE.moves, knee)
-        assert WAVE.edited(2, knee).moves == (*WAVE.moves[:2], knee)
-        assert WAVE.added(knee, knee).moves == (*WAVE.moves, knee, knee)
+        assert WAVE.without_move(1).moves == (WAVE.moves[0], WAVE.moves[2])
+        assert WAVE.without_move(-1).moves == WAVE.moves[:2]
+        assert WAVE.with_inserted_move(0, knee).moves == (knee, *WAVE.moves)
+        assert WAVE.with_inserted_move(3, knee).moves == (*WAVE.moves, knee)
+        assert WAVE.with_replaced_move(2, knee).moves == (*WAVE.moves[:2], knee)
+        assert WAVE.with_added_moves(knee, knee).moves == (*WAVE.moves, knee, knee)
         assert len(WAVE.moves) == 3
-        assert WAVE.removed(0).references == WAVE.references
+        assert WAVE.without_move(0).references == WAVE.references
 
     @pytest.mark.parametrize("index", [3, -4])
     def test_a_number_that_is_none_is_named(self, index):
         with pytest.raises(
             InvalidParameter,
-            match=rf"index is {index}; it must be from -3 to 2, the program has 3 moves",
+            match=rf"index is {index}; it must be from -3 to 2: the program has 3 moves",
         ):
-            WAVE.removed(index)
+            WAVE.without_move(index)
 
     def test_nothing_can_be_taken_from_nothing(self):
-        with pytest.raises(InvalidParameter, match="there is none"):
-            Program().removed(0)
+        with pytest.raises(InvalidParameter, match="the program has none"):
+            Program().without_move(0)
 
     def test_it_does_not_change_itself(self):
         with pytest.raises(ValueError, match="frozen"):
@@ -75,8 +75,8 @@ class TestFiles:
     def test_it_comes_back_as_it_went(self, tmp_path):
         file = WAVE.save(tmp_path / "wave.yaml")
         assert Program.load(file) == WAVE
-        assert WAVE.removed(0).save(file) == file  # in place of the old one
-        assert Program.load(file) == WAVE.removed(0)
+        assert WAVE.without_move(0).save(file) == file  # in place of the old one
+        assert Program.load(file) == WAVE.without_move(0)
         assert [path.name for path in tmp_path.iterdir()] == ["wave.yaml"]
 
     def test_a_folder_that_is_not_there_is_made_and_no_other_file_is_touched(self, tmp_path):
@@ -94,7 +94,7 @@ class TestFiles:
         [
             ("moves: [{target_deg: {a: 1}", "is not YAML"),
             ("moves:\n  - {target_deg: {a: 1}}\n  - {target_deg: {a: ", "line 4"),
-            ("- 1", "must hold a mapping"),
+            ("- 1", "must contain a mapping"),
             ("movs: []", "movs: unknown key; did you mean 'moves'?"),
             ("moves: 3", "moves: "),
             ("moves: [3]", "move 1: must be a mapping of keys to values (it is 3)"),
@@ -108,7 +108,7 @@ class TestFiles:
             ("moves: [{target_deg: {a: 1}, duration: 0}]", "move 1: duration: "),
             ("moves: [{target_deg: {a: 1}, duration: yes}]", "move 1: duration: "),
             ("references: [{target_deg: {a: 1}, duration: -1}]", "reference 1: duration: "),
-            ("automatic: true", "automatic: references are run, and there are none"),
+            ("automatic: true", "automatic needs references, and the program has none"),
             ("references: [{target_deg: {a: 1}}]\nautomatic: {timeout: 0}", "automatic.timeout"),
         ],
     )
@@ -173,7 +173,9 @@ class TestOnARobot:
             postures_of(load_robot("roid1"), [move_of({"left_kne": 1}, 1)], np.zeros(22))
 
     def test_an_axis_stands_once(self):
-        with pytest.raises(InvalidParameter, match="another name of an axis"):
+        with pytest.raises(
+            InvalidParameter, match="left_knee: its axis has a target under another name"
+        ):
             postures_of(
                 load_robot("humanoid"), [move_of({"RodI": 1, "left_knee": 2}, 1)], np.zeros(18)
             )

@@ -56,7 +56,7 @@ def test_paths_of_its_changes_start_at_its_file_and_stay_in_the_package(
     assert config.program["changes"][0]["set"]["start"] == str(tmp_path / "inner" / "start.json")
     station.write_text(yaml.safe_dump({**STATION, "program": "/etc/hostname.yaml"}))
     with pytest.raises(
-        SimrobError, match=r"program: /etc/hostname\.yaml lies outside of the allowed folders"
+        SimrobError, match=r"program: /etc/hostname\.yaml is outside the allowed folders"
     ):
         load_station(station)
 
@@ -70,7 +70,7 @@ def test_overrides_change_it_replace_it_and_leave_it_out(station: Path, tmp_path
     assert [move.key for move in other.moves] == ["wait"]
     assert carried_program(load_station(station, {"program": None})) is None
     with pytest.raises(
-        SimrobError, match=r"program\.moves\.1: has no place '1'; those there are 0 to 0"
+        SimrobError, match=r"program\.moves\.1: has no entry '1'; the entries are 0 to 0"
     ):
         load_station(station, {"program.moves.1.duration": 0.2})
 

@@ -52,7 +52,8 @@ def test_a_width_is_how_far_the_faces_are_apart(station):
     arm.open(width=SIDE)
     np.testing.assert_allclose(arm.position[2:], np.array([1, -1, -1, 1]) * AT_CUBE, atol=1e-4)
     with pytest.raises(
-        SimrobError, match=r"width is 0\.06; it must be at most 0\.05 m, as far as gantry opens"
+        SimrobError,
+        match=r"width is 0\.06; it must be at most 0\.05 m, the largest opening of gantry",
     ):
         arm.open(width=0.06)
 
@@ -81,7 +82,9 @@ def test_a_force_is_that_of_each_finger_as_coulomb_says(station, part, holds):
 
 def test_what_their_motors_cannot_give_is_refused_in_newtons(station):
     arm = Workcell(load_station(station, CUBE)).arm()
-    with pytest.raises(SimrobError, match=r"force is 10000\.0; it must be at most 3333, as much"):
+    with pytest.raises(
+        SimrobError, match=r"force is 10000\.0; it must be at most 3333 N, the largest force"
+    ):
         arm.grip(force=1e4)
 
 
@@ -114,7 +117,7 @@ def test_fingers_that_turn_and_have_no_shapes_are_refused_a_force_but_close(tmp_
     (tmp_path / "station.yaml").write_text(draft_station(tmp_path / "gantry.urdf", folder=tmp_path))
     arm = Arm(load_station(tmp_path / "station.yaml"))
     with pytest.raises(
-        SimrobError, match="the fingers of gantry have no shapes that tell where they meet"
+        SimrobError, match="the shapes of the fingers of gantry do not determine where they meet"
     ):
         arm.grip(force=10)
     arm.grip()

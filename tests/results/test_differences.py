@@ -39,6 +39,7 @@ def station(kp):
 
 
 def test_only_keys_that_differ_are_named(tmp_path):
+    """Keys with equal values in all results are left out."""
     folders = [
         saved_result(tmp_path / "a", station(14000.0)),
         saved_result(tmp_path / "b", station(1500.0)),
@@ -47,6 +48,7 @@ def test_only_keys_that_differ_are_named(tmp_path):
 
 
 def test_moves_and_missing_keys_are_named_but_not_what_a_program_decides(tmp_path):
+    """Moves are compared, too, and a missing key is a dash. The duration of a program and bounds are left out."""
     weak, firm = ([{"grip": {"force": force}}, {"wait": 0.5}] for force in (1.0, 20.0))
     first = saved_result(tmp_path / "a", {**station(1.0), "gravity": 9.8, "duration": 3.0}, weak)
     second = saved_result(
@@ -59,6 +61,8 @@ def test_moves_and_missing_keys_are_named_but_not_what_a_program_decides(tmp_pat
 
 
 def test_a_gain_of_one_joint_is_told_from_a_gain_of_all(tmp_path):
+    """A gain of all axes is compared axis by axis with the gains of another result."""
+
     def saved(name, kp):
         servo = {"kp": kp, "kd": 100.0}
         return saved_result(
@@ -72,6 +76,7 @@ def test_a_gain_of_one_joint_is_told_from_a_gain_of_all(tmp_path):
 
 
 def test_a_servo_of_the_robot_alone_is_named_in_its_section(tmp_path):
+    """A gain in the robot's own section is named with this section, if the one at the top is equal."""
     folders = [
         saved_result(tmp_path / f"{kp:g}", {"servo": {"kp": 5.0}, "robot": {"servo": {"kp": kp}}})
         for kp in (5.0, 7.0)
@@ -80,11 +85,13 @@ def test_a_servo_of_the_robot_alone_is_named_in_its_section(tmp_path):
 
 
 def test_equal_results_have_their_folders_alone(tmp_path):
+    """The name of a result without differences is its folder."""
     folders = [saved_result(tmp_path / name, station(1.0)) for name in "ab"]
     assert [result.name for result in read_results(folders)] == [str(folder) for folder in folders]
 
 
 def test_a_long_legend_stays_inside_of_a_narrow_figure(tmp_path):
+    """Long names are broken into lines: the legend is within the figure and covers no frame."""
     parent = tmp_path / ("a_folder_with_a_long_name_" * 3)
     folders = [
         saved_result(parent / name, station(kp)) for name, kp in (("a", 14000.0), ("b", 1500.0))
@@ -101,6 +108,7 @@ def test_a_long_legend_stays_inside_of_a_narrow_figure(tmp_path):
 
 @pytest.mark.parametrize("with_curve", [False, True])
 def test_a_long_title_stays_inside_of_a_narrow_figure(tmp_path, with_curve):
+    """A long title is broken into lines, with and without a legend."""
     figure, frames = panels("a title of many words " * 5, size=(4, 3))
     if with_curve:
         frames[0, 0].plot(np.arange(3), np.arange(3), label="curve")

@@ -29,6 +29,7 @@ def fall():
 
 
 def test_a_fall_in_a_program_names_the_push_and_its_time(fall):
+    """The end of the run names the push before the fall, and the time between both, in English and Spanish."""
     after = fall.stop_time - 1.0
     assert 0.1 < after < 0.3
     assert fall.end_in_words == FALL.format(
@@ -44,11 +45,13 @@ def test_a_fall_in_a_program_names_the_push_and_its_time(fall):
 
 
 def test_no_final_error_of_a_motion_that_a_fall_cut_off(fall):
+    """A robot that fell has no final error: its motion was not completed."""
     assert "final_error" not in fall.verdict.summary()["figures"]
     assert "largest_error" in fall.verdict.summary()["figures"]
 
 
 def test_a_fall_in_a_single_run_names_the_last_push_that_had_begun():
+    """Of several pushes, the one that began last before the fall is named."""
     pushes = {
         "first": {"start": 0.05, "duration": 0.2, "force": [0, 0, 3.0]},
         "second": {"start": 0.2, "duration": 0.2, "force": [48.0, 0, 36.0]},
@@ -62,6 +65,7 @@ def test_a_fall_in_a_single_run_names_the_last_push_that_had_begun():
 
 
 def test_a_push_long_before_a_fall_is_not_named(fall):
+    """A push more than `LONGEST_FALL` before the end is most likely not the cause."""
     part = fall.runs[0].runs[1]
     early = Push(kind="push", start=0.0, force=(60.0, 0.0, 0.0))
     pushed = replace(part, config=part.config.model_copy(update={"forces": {"early": early}}))
@@ -72,6 +76,7 @@ def test_a_push_long_before_a_fall_is_not_named(fall):
 
 
 def test_a_push_that_changes_cut_is_one_push(fall):
+    """The parts of a push that a change of the station has cut count as one push with the first start."""
     before, pushed = fall.runs[0].runs
     config = pushed.config
 
@@ -90,6 +95,7 @@ def test_a_push_that_changes_cut_is_one_push(fall):
 
 
 def test_the_end_of_a_move_is_judged_and_not_a_change_in_it():
+    """A change in the middle of a move cuts the run, but the final error is that at the end of the move."""
     content = {
         "station": "irb120_dynamic",
         "moves": [{"target_deg": {"joint_2": 40}, "duration": 1.0}],
@@ -109,6 +115,7 @@ def test_the_end_of_a_move_is_judged_and_not_a_change_in_it():
 
 
 def test_the_film_strip_gives_the_distance_of_the_text(fall):
+    """The last caption has the same distance as the summary."""
     distance = fall.summary()["locomotion"]["distance"]
     assert base_distances(fall, fall.times[[0, -1]]) == pytest.approx([0.0, distance])
     assert captions(fall.times[-1:], base_distances(fall, fall.times[-1:])) == [
@@ -117,6 +124,7 @@ def test_the_film_strip_gives_the_distance_of_the_text(fall):
 
 
 def test_a_program_without_moves_of_the_user_names_no_move():
+    """A program that only plays the reference of its station names no move in its warnings."""
     station = with_settings(
         load_station("irb120_dynamic"), {"duration": 1.2, "servo.kp": 300}, "the test"
     )

@@ -18,6 +18,7 @@ def config():
 
 
 def test_links_that_move_stand_where_kinematics_has_them(config):
+    """Each moving link has one copy for each posture, at the pose of the forward kinematics."""
     posture = np.deg2rad([30, -20, 10, 40, 50, -60])
     said = ghosts(ViewedStation(config), "left", [np.zeros(6), posture], [True, False], 1)
     assert said[0] == {"type": "delete", "path": "/drake/ghosts"}
@@ -41,6 +42,7 @@ def test_links_that_move_stand_where_kinematics_has_them(config):
 
 
 def test_what_they_are_copies_of_is_in_the_view(config):
+    """The commands of ghosts copy objects that the page of the station has."""
     scene = ViewedStation(config)
     told = commands(
         lambda meshcat: draw_geometry(meshcat, scene.query(), {"station": Role.kIllustration})
@@ -52,6 +54,7 @@ def test_what_they_are_copies_of_is_in_the_view(config):
 
 
 def test_without_postures_they_go(config):
+    """Without postures, the earlier ghosts are only deleted."""
     assert ghosts(ViewedStation(config), "left", [], []) == [
         {"type": "delete", "path": "/drake/ghosts"}
     ]

@@ -30,6 +30,7 @@ def rates(states):
 
 
 def test_positions_follow_the_cubic_that_the_rates_give(history):
+    """Between steps, positions are a cubic Hermite spline; all other values are linear."""
     times = np.linspace(0, 1, 57)
     states = history.at(times, PLANT, rates)
     np.testing.assert_allclose(states.continuous[:, 1], cubic(times)[0], atol=1e-14)
@@ -40,11 +41,13 @@ def test_positions_follow_the_cubic_that_the_rates_give(history):
 
 
 def test_step_ends_are_exact(history):
+    """The interpolated states at the ends of the steps equal the recorded ones to the last bit."""
     np.testing.assert_array_equal(history.at(TIMES, PLANT, rates).continuous, history.continuous)
 
 
 @pytest.mark.parametrize("time", [-0.1, 1.1, np.nan])
 def test_of_times_outside_of_the_run_nothing_is_known(history, time):
+    """A time outside of the run, or NaN, raises an error with the time and the range of the run."""
     with pytest.raises(
         InvalidParameter, match=r"time is -?[\d.nan]+ s; it must be within the run, 0 to 1 s"
     ):
@@ -52,11 +55,13 @@ def test_of_times_outside_of_the_run_nothing_is_known(history, time):
 
 
 def test_discrete_values_are_those_held_over_the_step_that_ended_there(history):
+    """Discrete values within a step are those at its end."""
     states = history.at(np.array([0.0, 0.05, 0.1, 0.11, 0.4, 0.9]), PLANT, rates)
     np.testing.assert_array_equal(states.discrete[0][:, 0], [0, 1, 1, 2, 2, 3])
 
 
 def test_steps_are_their_ends_at_the_times_of_their_starts(history):
+    """`steps` gives the state at the end of the step of each time, with the time at which the step begins."""
     steps = history.steps(np.array([0.0, 0.05, 0.1, 0.11, 0.4, 0.9, 1.0]))
     np.testing.assert_array_equal(steps.times, [0.0, 0.0, 0.0, 0.1, 0.1, 0.4, 0.4])
     np.testing.assert_array_equal(steps.continuous, history.continuous[[0, 1, 1, 2, 2, 3, 3]])
@@ -64,6 +69,7 @@ def test_steps_are_their_ends_at_the_times_of_their_starts(history):
 
 
 def test_a_history_can_be_continued_from_an_earlier_state(history):
+    """`with_end` drops the rows from the first time of the new end on, and appends the new rows."""
     other = StateHistory(np.array([0.25, 0.3]), np.zeros((2, 3)), [np.array([[7.0], [8.0]])])
     joined = history.with_end(other)
     np.testing.assert_array_equal(joined.times, [0, 0.1, 0.25, 0.3])

@@ -106,7 +106,7 @@ def test_feet_that_are_dragged_slip_and_those_in_the_air_do_not():
     assert foot_slip(low, "robot") == pytest.approx({"right_foot": 0.3, "left_foot": 0.3})
     assert [entry.value for entry in low.verdict["foot_slip"].entries] == pytest.approx([0.3, 0.3])
     assert (
-        "slid 300 mm before it was lifted again at 2.00 s (bound 20 mm; 1 more beyond it)"
+        "slid 300 mm over the ground during one stance at 2.00 s (bound 20 mm; 1 more violation)"
         in low.warnings[0]
     )
     high = moved("humanoid", along(np.array([0.0, -0.3]), 0.447))

@@ -221,7 +221,11 @@ def test_where_small_turns_are_large_angles_the_plot_says_so(result, drawn):
         result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=np.sin(half), tcp__qz=nothing
     )
     notes = [panel.get_title(loc="right") for panel in drawn(upright)["tcp"].axes[6::2]]
-    assert notes == ["large where Ry is near ±90", "", "large where Ry is near ±90"]
+    assert notes == [
+        "large where Ry is near ±90 deg (gimbal lock)",
+        "",
+        "large where Ry is near ±90 deg (gimbal lock)",
+    ]
     assert not any(panel.get_title(loc="right") for panel in drawn(result)["tcp"].axes)
 
 
@@ -507,7 +511,7 @@ def test_what_a_loop_gives_each_axis_is_shown_joint_by_joint(standing, drawn):
     assert labels(target) == labels(rate) == ["right", "left"]
     np.testing.assert_allclose(curve(target, "left").get_ydata(), np.rad2deg(0.5 - time))
     said = texts(figures["controller_b_axes"]).replace("\n", " ")
-    assert "left out, as they hardly change: shoulder_pitch, shoulder_roll, elbow" in said
+    assert "almost constant, not plotted: shoulder_pitch, shoulder_roll, elbow" in said
     assert "effort of every axis" in said
     assert "knee" not in said
     assert figures["controller_b_axes"].get_size_inches()[0] < 7.5
@@ -528,7 +532,7 @@ def test_constants_of_a_block_are_named_and_its_numbers_have_names_and_units_of_
     figure = drawn(run)["controller_b"]
     assert [panel.get_ylabel() for panel in figure.axes] == ["command [m/s]", "command [deg]"]
     assert [labels(panel) for panel in figure.axes] == [["ahead"], ["turn"]]
-    assert "left out, as it does not change: command left 0.25 m/s, count 3" in texts(figure)
+    assert "constant, not plotted: command left 0.25 m/s, count 3" in texts(figure)
     every = drawn(replace(run, signals=tuple(replace(one, role="motion") for one in run.signals)))[
         "controller_b"
     ]

@@ -121,7 +121,7 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     page = save_recording(run, tmp_path / "stands.html").read_text(encoding="utf-8")
     told = [one for one in messages(page) if b"contact_forces/sum_" in one and b"set_object" in one]
     assert len(told) == 4  # shaft and head of each
-    assert '"their sum on a body"' in page
+    assert '"sum of the forces on a body"' in page
 
 
 def test_the_page_needs_no_other_file(page):
@@ -144,9 +144,9 @@ def test_the_page_says_whose_run_it_is_how_it_ended_and_what_has_which_colour(tm
     assert run["stopped"] is True
     assert run["end"] == result.stop_time
     assert [text for _, text in run["legend"]] == [
-        "way of the tool",
+        "path of the tool",
         "contact forces",
-        "their sum on a body",
+        "sum of the forces on a body",
     ]
     assert len({colour for colour, _ in run["legend"]} | set(run["axes"])) == 6
 
@@ -155,8 +155,8 @@ def test_ways_of_several_tools_are_told_apart(tmp_path):
     result = simulate(load_station("two_irb120"), duration=0.05, progress=False)
     run = run_of(save_recording(result, tmp_path / "two.html").read_text(encoding="utf-8"))
     assert run["legend"] == [
-        [PATHS[0], "way of the tool of left"],
-        [PATHS[1], "way of the tool of right"],
+        [PATHS[0], "path of the tool of left"],
+        [PATHS[1], "path of the tool of right"],
     ]
     assert (run["stopped"], run["message"]) == (False, result.message)
 

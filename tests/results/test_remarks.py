@@ -114,7 +114,7 @@ def test_boxes_that_sink_into_each_other_get_a_stiffer_contact():
     board = {"parent": "world", "pose": [-0.2, -0.2, 0.1, 0, 0, 0]}
     box = {"model": "box_on_corners", "free": True, "pose": [0, 0, 0.201, 0, 0, 0]}
     soft_boxes = {"pieces": {"board": board, "box": box}, "contact.stiffness": 500, "sensors": {}}
-    sunk = remark_about(run("box_on_floor", soft_boxes, duration=1.0), "deep in each other")
+    sunk = remark_about(run("box_on_floor", soft_boxes, duration=1.0), "penetrated each other by")
     assert sunk.remedy.setting == "contact.stiffness=5000.0"
     assert run("box_on_floor", with_remedy(soft_boxes, sunk), duration=1.0).warnings == []
 
@@ -274,7 +274,7 @@ AWAY = {
 
 def test_a_start_away_from_the_reference_is_answered_with_the_start():
     away = run("irb120_dynamic", AWAY)
-    error = remark_about(away, "joint_5 was 90 deg off what was asked at 0.00 s")
+    error = remark_about(away, "joint_5 was 90 deg from its reference at 0.00 s")
     assert "joint_5 begins at 90 deg, but its reference begins at 0 deg" in error.remedy.text
     for remark in away.remarks[1:]:
         assert remark.remedy is None or "more time" not in remark.remedy.text

@@ -30,6 +30,7 @@ def inverse_dynamics(result: SimulationResult, row: int) -> np.ndarray:
 def test_under_cenic_the_torque_is_what_was_applied_while_the_reference_stood_still(
     realization: str,
 ) -> None:
+    """Recorded torques agree with the inverse dynamics of the recorded motion, although servos act once a step."""
     overrides = {
         "servo": {"realization": realization, "kp": 1e-3, "kd": KD},
         "inputs": ["reference_velocity"],
@@ -50,6 +51,7 @@ def test_under_cenic_the_torque_is_what_was_applied_while_the_reference_stood_st
 
 
 def test_the_pose_of_a_free_base_is_that_of_its_frame() -> None:
+    """The pose signal, which is read from the state, equals the pose that the plant computes."""
     overrides = {"robot.base": [0.1, 0.2, 1.0, 2.5, 0.3, -0.4], "duration": 0.2, "monitors": {}}
     result = simulate(load_station("humanoid_dynamic", overrides))
     plant, root = result.plant.plant, result.plant.robots["robot"].root
@@ -63,6 +65,7 @@ def test_the_pose_of_a_free_base_is_that_of_its_frame() -> None:
 
 
 def test_contacts_of_many_times_are_those_of_each() -> None:
+    """Contact results of several times in one call equal those of one call for each time."""
     # which falls, lands and lies
     result = simulate(load_station("box_on_floor", {"duration": 0.5}))
 

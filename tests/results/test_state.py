@@ -23,6 +23,7 @@ HOLD = {"reference": {"kind": "hold", "target_deg": None}}
     ],
 )
 def test_two_halves_are_the_whole(overrides, tolerance):
+    """A run that begins in the final state of another one continues its motion, within the accuracy of the solver."""
     whole = simulate(load_station("irb120_dynamic", overrides))
     first = simulate(load_station("irb120_dynamic", overrides), duration=1.5)
     second = simulate(
@@ -37,6 +38,7 @@ def test_two_halves_are_the_whole(overrides, tolerance):
 
 
 def test_the_references_of_a_station_begin_where_the_last_ended():
+    """The reference of a run with a start state begins at the last reference of the run before."""
     first = simulate(load_station("irb120_kinematic"))
     back = {"reference.target_deg": {"joint_1": 0}}
     second = simulate(load_station("irb120_kinematic", back), start=first.final_state)
@@ -47,6 +49,7 @@ def test_the_references_of_a_station_begin_where_the_last_ended():
 
 
 def test_a_kinematic_state_starts_a_dynamic_run():
+    """Positions and velocities are passed on from a kinematic run, which has no plant that is stepped."""
     state = simulate(load_station("irb120_kinematic"), duration=0.5).final_state
     result = simulate(load_station("irb120_dynamic", HOLD), duration=0.1, start=state)
     np.testing.assert_allclose(result.axes("q")[0], state.positions["robot"], atol=1e-15)
@@ -55,6 +58,7 @@ def test_a_kinematic_state_starts_a_dynamic_run():
 
 
 def test_a_changed_station_takes_what_it_has_in_common():
+    """States of joints and servos are passed on by name if a piece of the station has another parent."""
     overrides = {
         "servo.ki": 100,
         "servo.realization": "vector",
@@ -75,6 +79,7 @@ def test_a_changed_station_takes_what_it_has_in_common():
 
 
 def test_a_stopped_run_ends_in_the_state_of_its_stop():
+    """The final state of a run that a monitor ended is the state at the time of the stop."""
     config = load_station(
         "irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}}
     )
@@ -84,6 +89,7 @@ def test_a_stopped_run_ends_in_the_state_of_its_stop():
 
 
 def test_a_state_survives_as_text():
+    """A state that was written as JSON and read again gives the same run to the last bit."""
     state = simulate(load_station("irb120_dynamic", {"servo.ki": 100}), duration=0.3).final_state
     again = State.from_json(state.to_json())
     runs = [
@@ -101,14 +107,17 @@ EMPTY = '{"positions": {}, "velocities": {}, "references": {}, "joints": {}, "bl
     ("text", "told"),
     [
         ("", "state: is not JSON"),
-        ("[]", "state: must be a section with keys of: positions"),
-        ("{}", "state: positions: this key is needed"),
+        ("[]", "state: must be a section with keys among: positions"),
+        ("{}", "state: positions: this key is required"),
         ('{"positions": 1}', "state: positions: must be a section"),
         (
             EMPTY.replace("{}", '{"robot": [1, "2"]}', 1),
             r"state: positions.robot.*number \(it is '2'\)",
         ),
-        (EMPTY.replace("{}", '{"robot": [NaN]}', 1), "state: is not JSON: NaN is no finite number"),
+        (
+            EMPTY.replace("{}", '{"robot": [NaN]}', 1),
+            "state: is not JSON: NaN is not a finite number",
+        ),
         (EMPTY.replace("joints", "joint"), "state: joint: unknown key; did you mean 'joints'"),
         (
             EMPTY.replace('"joints": {}', '"joints": {"robot/elbow": [[0]]}'),
@@ -118,32 +127,36 @@ EMPTY = '{"positions": {}, "velocities": {}, "references": {}, "joints": {}, "bl
     ],
 )
 def test_other_texts_are_refused(text, told):
+    """Each fault of a file with a state raises an error that names the key."""
     with pytest.raises(SimrobError, match=told):
         State.from_json(text)
 
 
 def test_a_state_that_does_not_fit_its_blocks_and_joints_is_refused():
+    """A joint of another size raises an error with its name and both sizes."""
     state = simulate(load_station("double_pendulum"), duration=0.01).final_state
     joint = next(iter(state.joints))
     odd = replace(state, joints={joint: JointState(np.zeros(1), np.zeros(3))})
     with pytest.raises(
-        SimrobError, match=f"'{joint}' is of size 3; it must be of a station where it is of 1"
+        SimrobError, match=f"'{joint}' has size 3; it must be a state in which it has size 1"
     ):
         simulate(load_station("double_pendulum"), duration=0.01, start=odd)
 
 
 def test_the_state_of_other_robots_is_refused():
+    """A state whose robot has another count of axes, or is missing, raises an error with the name of the robot."""
     state = simulate(load_station("double_pendulum"), duration=0.1).final_state
     with pytest.raises(
         SimrobError, match="start is a state with 2 axes of 'robot'; it must be a state with 6 axes"
     ):
         simulate(load_station("irb120_dynamic"), duration=0.1, start=state)
-    with pytest.raises(SimrobError, match="start is a state in which 'left' is unknown"):
+    with pytest.raises(SimrobError, match="start is a state in which 'left' is missing"):
         simulate(load_station("two_irb120"), duration=0.1, start=state)
 
 
 @pytest.mark.parametrize(("scale", "length"), [(0.0, "0"), (0.5, "0.5"), (2.0, "2")])
 def test_a_quaternion_of_another_length_is_refused(scale, length):
+    """A quaternion of another length than 1 raises an error instead of being normalized silently."""
     state = simulate(load_station("bouncing_ball"), duration=0.01, progress=False).final_state
     ((name, joint),) = state.joints.items()
     position = joint.position.copy()

@@ -71,10 +71,10 @@ def test_a_move_that_saturates_is_warned_of(weak):
     assert weak.verdict["torque_time"].worst.value == pytest.approx(
         np.mean(np.abs(weak["tau.joint_2"]) > 1.998)
     )
-    ended = f"joint_2 ended {np.rad2deg(error[-1]):.3g} deg off what was asked (bound 3 deg)"
+    ended = f"joint_2 ended {np.rad2deg(error[-1]):.3g} deg from its target position (bound 3 deg)"
     assert ended in weak.warnings
     assert any(
-        warning.startswith("joint_2 was at its limit of torque for ") for warning in weak.warnings
+        warning.startswith("joint_2 was at its torque limit for ") for warning in weak.warnings
     )
 
 
@@ -145,7 +145,7 @@ def test_boxes_that_sink_into_each_other_are_warned_of():
     # it is level to some mrad
     assert worst.value == pytest.approx(0.202 - result["piece.box.z"].min(), abs=2e-5)
     (warning,) = result.warnings
-    assert warning.startswith("board and box were ")
+    assert warning.startswith("board and box penetrated each other by ")
     assert result.verdict.contact_rate == 50
     assert not simulate(boxes(1e5), duration=0.5, progress=False).verdict["penetration"].warning
 
@@ -208,7 +208,9 @@ LAME = {"servo.torque_limit": 2.0, "reference.duration": 0.1}
 
 
 def test_strict_runs_raise_and_keep_the_result():
-    with pytest.raises(VerdictError, match=r"^irb120_dynamic: .*off what was asked") as caught:
+    with pytest.raises(
+        VerdictError, match=r"^irb120_dynamic: .*from its target position"
+    ) as caught:
         run("irb120_dynamic", LAME, duration=0.3, strict=True)
     assert caught.value.result.ending == "completed"
     explicit = {
@@ -242,9 +244,9 @@ def test_the_command_line_tells_the_verdict(options, code, tmp_path, capsys):
     assert run_command(["run", "irb120_dynamic", *settings, *folder, *options]) == code
     said = capsys.readouterr()
     assert "bounds exceeded: final error, " in " ".join(said.out.split())
-    assert "off what was asked (bound 3 deg" in " ".join(said.err.split())
+    assert "from its target position (bound 3 deg" in " ".join(said.err.split())
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     figure = summary["verdict"]["figures"]["final_error"]
     assert figure["value"] == max(figure["each"].values()) > figure["bound"]
     assert summary["verdict"]["sample_rate"] == 100
-    assert any("off what was asked" in warning for warning in summary["warnings"])
+    assert any("from its target position" in warning for warning in summary["warnings"])

@@ -137,9 +137,7 @@ def test_names_of_robots_are_no_paths(write_urdf: Write, one_joint_urdf: str, na
     path.with_name("robot.yaml").write_text(
         f"name: {name!r}\n{ROBOT_YAML.format(sign=1, urdf='arm.urdf')}"
     )
-    with pytest.raises(
-        InvalidConfig, match=r"robot\.yaml: name: must be a name that a folder could have"
-    ):
+    with pytest.raises(InvalidConfig, match=r"robot\.yaml: name: must be a valid folder name"):
         load_robot_from_urdf(path)
 
 

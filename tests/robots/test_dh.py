@@ -336,12 +336,12 @@ def test_axes_of_a_table_can_be_renamed(tmp_path: Path) -> None:
 ROW = "{a: 0.3, limit_deg: [-130, 130], effort: 50}"
 WRONG = [
     ("rows: []", r"dh\.rows: .*at least 1"),
-    ("{}", r"dh\.(convention|rows): this key is needed"),
+    ("{}", r"dh\.(convention|rows): this key is required"),
     (
         f"convention: classic, rows: [{ROW}]",
         r"dh\.convention: there is no 'classic'; did you mean 'classical'",
     ),
-    ("rows: [{limit_deg: [-1, 1]}]", r"dh\.rows\[\d\]\.effort: this key is needed"),
+    ("rows: [{limit_deg: [-1, 1]}]", r"dh\.rows\[\d\]\.effort: this key is required"),
     ("rows: [{limit_deg: [-1, 1], effort: 0}]", r"dh\.rows\[\d\]\.effort: .*greater than 0"),
     ("rows: [{effort: 1}]", r"dh\.rows\[0\]: a revolute joint needs limit_deg"),
     (
@@ -371,7 +371,7 @@ WRONG = [
     ("rows: [{limit_deg: [0, 1], effort: 1, mass: -1}]", r"dh\.rows\[\d\]\.mass: .*at least 0"),
     (
         "rows: [{limit_deg: [0, 1], effort: 1, inertia: [1, 1, 3]}]",
-        r"dh\.rows\[\d\]\.inertia: no body has these",
+        r"dh\.rows\[\d\]\.inertia: no body can have these",
     ),
     ("rows: [{limit_deg: [0, 1], effort: 1, com: [1]}]", r"dh\.rows\[\d\]\.com: needs 3 values"),
     ("rows: [1]", r"dh\.rows"),

@@ -91,7 +91,9 @@ def test_an_import_makes_it_the_first_tool_and_says_so(tmp_path):
     assert list(made.model.tools)[:2] == ["grasp", "palm"]
     assert made.model.home_deg == {"left_slide": 0.04, "right_slide": 0.04}
     told = [entry.text for entry in made.report.of("read") if entry.element == "frame 'grasp'"]
-    assert told == ["where the fingers meet, at 0 0 0.07 m of 'palm'; they close along its y"]
+    assert told == [
+        "added where the fingers meet, at [0 0 0.07] m in 'palm'. The fingers close along the y axis of the frame"
+    ]
 
 
 def test_a_place_that_the_file_names_stays_the_first_tool(tmp_path):

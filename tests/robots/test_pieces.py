@@ -320,9 +320,9 @@ UP = {"count": 2, "step": [0, 0, 0.05, 0, 0, 0]}
     [
         ({"tcp": [0] * 6}, "there are two frames 'tcp'"),
         ({"a": {"pose": [0] * 6, "series": [UP]}, "a_1": [0] * 6}, "there are two frames 'a_1'"),
-        ({"two words": [0] * 6}, "no plain name"),
+        ({"two words": [0] * 6}, "not a valid name"),
         ({"a": [0] * 3}, "frames"),
-        ({"a": {"pose": [0] * 6}}, "frames.*needed"),
+        ({"a": {"pose": [0] * 6}}, "frames.*required"),
         ({"a": {"pose": [0] * 6, "series": []}}, "at least 1"),
         ({"a": {"pose": [0] * 6, "series": [{"count": 0, "step": [0] * 6}]}}, "at least 1"),
         (

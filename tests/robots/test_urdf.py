@@ -160,7 +160,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_binary_file_is_named(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "arm.urdf"
     path.write_bytes(content)
-    assert "cannot be read (it is no text in UTF-8" in finding(path)
+    assert "cannot be read (it is not text in UTF-8" in finding(path)
 
 
 def test_a_path_that_no_file_can_have_is_named() -> None:

@@ -124,7 +124,7 @@ def test_other_files_are_held_to_the_same_border(places, tmp_path):
     with pytest.raises(InvalidConfig, match="is outside the robot's folder"):
         load_robot_file(robot)
     station(other, "robot: {urdf: arm.urdf}")
-    with pytest.raises(InvalidConfig, match=r"station: .*lies outside of the allowed folders"):
+    with pytest.raises(InvalidConfig, match=r"station: .*is outside the allowed folders"):
         station_with_absolute_path("../private/station.yaml", own / "program.yaml")
     assert station_with_absolute_path("irb120_dynamic", own / "program.yaml") == "irb120_dynamic"
     (own / "program.yaml").write_text(

@@ -108,7 +108,7 @@ def test_gravity_that_pulls_up_and_a_centre_of_mass_in_millimetres_are_told():
     finding = text_of(findings({"gravity": -9.81}), "implausible number")
     assert finding.text == "gravity: -9.81 m/s² points up; write 9.81 for gravity along -z"
     with pytest.raises(
-        SimrobError, match=r"pieces\.load\.com.*70 m is too far; were these millimetres"
+        SimrobError, match=r"pieces\.load\.com.*70 m is too far; lengths are in metres"
     ):
         load_station("irb120_dynamic", {"pieces.load.com": [0, 0, 70]})
 

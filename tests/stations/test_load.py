@@ -253,7 +253,7 @@ WRONG = [
     ({"solver.max_step": 0}, r"solver\.max_step: .*greater than 0"),
     ({"reference.kind": "mov"}, r"reference\.kind: there is no 'mov'; did you mean 'move'\?"),
     ({"reference.target_deg": {"joint_7": 1}}, r"no axis of irb120 .* 'joint_7'; did you mean"),
-    ({"reference.kind": "sequence"}, r"reference\.targets: this key is needed"),
+    ({"reference.kind": "sequence"}, r"reference\.targets: this key is required"),
     (
         {
             "reference": {
@@ -282,7 +282,7 @@ WRONG = [
         {"pieces.gripper.parent": "load"},
         r"pieces\.gripper\.parent is load; .* not mounted on this piece",
     ),
-    ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load\.inertia: no body has these moments"),
+    ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load\.inertia: no body can have these moments"),
     (
         {"monitors.a.kind": "settle"},
         r"monitors\.a\.kind: there is no 'settle'; did you mean 'settled'\?",
@@ -302,7 +302,7 @@ WRONG = [
     ({"duration": -1}, r"duration: .*greater than 0"),
     ({"duraton": 1}, r"duraton: unknown key; did you mean 'duration'\?"),
     ({"servo.kp.joint_9": 1}, r"servo\.kp: is 1000, so it has no key 'joint_9'"),
-    ({"servo.kp.6": 1}, r"servo\.kp\.6: has no place '6'; those there are 0 to 5"),
+    ({"servo.kp.6": 1}, r"servo\.kp\.6: has no entry '6'; the entries are 0 to 5"),
     ({"robots": {"a": {"model": "irb120"}}}, r"either the section robot or the section robots"),
 ]
 
@@ -331,11 +331,14 @@ BLAMED = [
         {"contact": {}, "contact.friction": 0.01},
         "override contact.friction: must be .* keys of: static, dynamic",
     ),
-    ({"servo": 3}, "override servo: must be a section with keys of: realization, law, .*it is 3"),
-    ({"pieces": 3}, "override pieces: must be a section of names and their entries"),
+    (
+        {"servo": 3},
+        "override servo: must be a section with keys among: realization, law, .*it is 3",
+    ),
+    ({"pieces": 3}, "override pieces: must be a section of names with their entries"),
     (
         {"monitors.fal": {}},
-        "override monitors.fal: .*fal.kind: this key is needed; known: joint_limit, .*, fall",
+        "override monitors.fal: .*fal.kind: this key is required; known: joint_limit, .*, fall",
     ),
     (
         {"mode": "kinematic", "forces.push": {"force": [1, 0, 0]}},
@@ -390,14 +393,14 @@ def test_samples_are_not_more_than_fit():
     ("text", "message"),
     [
         ("robot: [", r"is not YAML: while parsing a flow .* \(line \d+, column \d+\)$"),
-        ("- a\n- b", "must hold a mapping"),
-        ("robot: {model: irb120}\nduration: 1\nduration: 2", "'duration' stands twice"),
+        ("- a\n- b", "must contain a mapping"),
+        ("robot: {model: irb120}\nduration: 1\nduration: 2", "'duration' occurs twice"),
         ("description: nothing else", "robots is empty; .*something that moves"),
         ("robots: {}", "robots is empty; .*something that moves"),
-        ("robots: {two words: {model: irb120}}", "no plain name"),
+        ("robots: {two words: {model: irb120}}", "not a valid name"),
         (
             "name: ../../../tmp/x\nrobot: {model: irb120}",
-            r"bad\.yaml: name: must be a name that a folder could have",
+            r"bad\.yaml: name: must be a valid folder name",
         ),
         ("name: /tmp/x\nrobot: {model: irb120}", r"bad\.yaml: name: must be .* \(it is '/tmp/x'\)"),
         ("name: ..\nrobot: {model: irb120}", "name: must be a name"),

@@ -180,9 +180,9 @@ def test_mimics_can_be_left_out_or_replaced(tmp_path):
         ({"a": ("revolute", "base", ""), "b": ("revolute", "a_link", '<mimic joint="A"/>')},
          ["a", "b"], "mimics 'A', which is no joint"),
         ({"a": ("revolute", "base", '<mimic joint="b"/>'), "b": ("revolute", "a_link", '<mimic joint="a"/>')},
-         ["a", "b"], "mimics 'b', which leads back to itself"),
+         ["a", "b"], "mimics 'b', which itself follows this joint"),
         ({"a": ("revolute", "base", '<mimic joint="a"/>'), "b": ("revolute", "a_link", "")},
-         ["a", "b"], "mimics 'a', which leads back to itself"),
+         ["a", "b"], "mimics 'a', which itself follows this joint"),
     ],
 )  # fmt: skip
 def test_mimics_without_a_leader_that_moves(tmp_path, joints, axes, told):

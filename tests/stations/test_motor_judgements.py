@@ -61,12 +61,12 @@ def test_a_plan_is_judged_as_its_run_is(station: Path):
     arm.cell.record()
 
     with pytest.warns(
-        TorqueShortage, match=r"joint_1 would need .* N·m at the speed that it has there"
+        TorqueShortage, match=r"joint_1 would need .* N·m at its speed there"
     ) as caught:
         arm.move_abs_j([2.0], duration=0.7)
     proposed = float(str(caught[0].message).rpartition("a duration of ")[2].split()[0])
 
-    assert "at its limit of torque" in arm.cell.result().warnings[0]
+    assert "at its torque limit" in arm.cell.result().warnings[0]
     assert share_of_move(proposed) < 1.0
     assert share_of_move(proposed / 1.03) > 1.0
 

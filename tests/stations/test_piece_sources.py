@@ -266,11 +266,14 @@ def test_a_mesh_with_holes_needs_its_mass(tmp_path: Path) -> None:
 
 WRONG = [
     ("{mesh: none.stl}", r"none\.stl: cannot be read \(No such file"),
-    ("{mesh: .}", r"is no mesh that a piece can have"),
-    ("{mesh: notes.txt}", r"notes\.txt: is no mesh that a piece can have; \.stl, "),
-    ("{mesh: empty.stl}", r"empty\.stl: (is |holds no triangles)"),
+    ("{mesh: .}", r"is not a mesh that a piece can have"),
+    (
+        "{mesh: notes.txt}",
+        r"notes\.txt: is not a mesh that a piece can have; the formats are \.stl, ",
+    ),
+    ("{mesh: empty.stl}", r"empty\.stl: (is |contains no triangles)"),
     *(
-        (f"{{mesh: garbage{kind}}}", rf"garbage\{kind}: (is |holds no triangles)")
+        (f"{{mesh: garbage{kind}}}", rf"garbage\{kind}: (is |contains no triangles)")
         for kind in MESH_FORMATS
     ),
     ("{mesh: huge.stl}", r"pieces\.part\.scale is 1\.0; .*now 300 m long.*0\.001 for millimetres"),

@@ -19,7 +19,7 @@ from simrob_drake.extensions.drake_scenes.plant_parts import Connection, PlantGr
 from simrob_drake.extensions.drake_scenes.scene_files import DrakeScene
 from simrob_drake.extensions.drake_scenes.tagged import yaml_text
 from simrob_drake.extensions.drake_scenes.urdf_writing import group_element
-from simrob_drake.importer.importing import gains_of
+from simrob_drake.importer.gains import gains_of
 from simrob_drake.importer.named_robots import read_described_robot
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.robots.axis_map import PRISMATIC

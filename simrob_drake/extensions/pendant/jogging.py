@@ -138,7 +138,7 @@ class Jogging:
             goal = self._target(target)
             place = len(program.moves) if index is None else index
             for number, move in enumerate(self._lines(program, place, kind, goal, via, how)):
-                program = program.inserted(place + number, move)
+                program = program.with_inserted_move(place + number, move)
             return program
 
         return self._book.change(lengthened)

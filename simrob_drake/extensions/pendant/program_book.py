@@ -129,23 +129,23 @@ class ProgramBook:
     def insert(self, index: int, move: Mapping[str, Any]) -> bool:
         """Put a move, as a program's file has it, before the stored one of a number; their count: at the end."""
         return self.change(
-            lambda program: program.inserted(index, self.within_limits(check_move(move)))
+            lambda program: program.with_inserted_move(index, self.within_limits(check_move(move)))
         )
 
     def edit(self, index: int, move: Mapping[str, Any]) -> bool:
         """Put another move in the place of a stored one."""
         return self.change(
-            lambda program: program.edited(index, self.within_limits(check_move(move)))
+            lambda program: program.with_replaced_move(index, self.within_limits(check_move(move)))
         )
 
     def remove(self, index: int) -> bool:
         """Take a stored move out."""
-        return self.change(lambda program: program.removed(index))
+        return self.change(lambda program: program.without_move(index))
 
     def move_entry(self, index: int, to: int) -> bool:
         """Give a stored move another place."""
         return self.change(
-            lambda program: program.removed(index).inserted(to, program.moves[index])
+            lambda program: program.without_move(index).with_inserted_move(to, program.moves[index])
         )
 
     def remove_change(self, index: int) -> bool:
@@ -176,7 +176,7 @@ class ProgramBook:
         """Return the program; an empty one leaves the station to the references of its file."""
         if self.program.moves or self.program.references:
             return self.program
-        return self.program.added(PlayMove(duration=self.config.duration))
+        return self.program.with_added_moves(PlayMove(duration=self.config.duration))
 
     def checked(self, move: Mapping[str, Any]) -> Move:
         """Return a move as a program's file has it, with its robot where that counts; raises InvalidConfig: no move."""

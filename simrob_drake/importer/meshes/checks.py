@@ -86,11 +86,14 @@ def references(path: Path) -> list[str]:
 def gltf_header(data: bytes) -> Any:
     """Parse the JSON of a glTF or GLB file. Returns None if there is none, or if it is too large."""
     if data[:4] == b"glTF":
-        # A GLB begins with 12 bytes of header and 8 bytes that introduce the JSON, of which four are its length.
+        # The binary form of glTF. It begins with 12 bytes of header and 8 bytes that introduce the JSON, of which four
+        # are its length.
         if len(data) < 20:
             return None
         length = int(struct.unpack("<I", data[12:16])[0])
+        # The buffers with the triangles follow. They are not needed here.
         data = data[20 : 20 + length]
+    # A parser of JSON takes many times the memory of the text.
     if len(data) > _LARGEST_HEADER:
         return None
     try:
@@ -128,6 +131,8 @@ def _dae_references(data: bytes) -> list[str]:
     for section in re.split(rb"<image\b", data)[1:]:
         # An <init_from> outside of an <image> refers to an image by its id, not to a file.
         image = section.partition(b"</image>")[0]
+        # COLLADA 1.4 has the name in <init_from>, version 1.5 in a <ref> within it. The possessive \s*+ keeps the time
+        # of the search proportional to the length of the text.
         found = re.search(rb"<init_from>\s*+(?:<ref>)?([^<>]+)<", image)
         if found:
             names.append(unescape(_decode_name(found.group(1))))
@@ -144,6 +149,7 @@ def _gltf_references(data: bytes) -> list[str]:
         entries = header.get(key)
         if not isinstance(entries, list):
             continue
+        # The JSON is checked by no schema, so an entry may be of any type.
         for entry in entries:
             uri = entry.get("uri") if isinstance(entry, dict) else None
             if isinstance(uri, str):
@@ -177,25 +183,27 @@ def _check_stl(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(
             message(
                 "importer.shorter_than_header",
-                "is not readable as STL: {count} bytes are less than its header",
+                "is not readable as STL: {count} bytes are less than an STL header",
                 count=len(data),
             )
         )
 
     (count,) = struct.unpack("<I", data[80:84])
+    # A library would allocate memory for as many faces as the header declares.
     present = (len(data) - _STL_HEADER) // _STL_FACE
     if count > present:
         raise UnreadableMesh(
             message(
                 "importer.faces_cut_off",
-                "is cut off: of its {count} faces {there} are there",
+                "is cut off: it contains {there} of its {count} faces",
                 count=count,
                 there=present,
             )
         )
     if count == 0:
-        raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
+        raise UnreadableMesh(message("importer.no_triangles", "contains no triangles"))
 
+    # Some programs append data of their own, which readers ignore. More whole faces mean that the count is wrong.
     end = _STL_HEADER + count * _STL_FACE
     rest = data[end:]
     has_more_faces = len(rest) % _STL_FACE == 0 and rest.strip(b"\0")
@@ -203,7 +211,7 @@ def _check_stl(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(
             message(
                 "importer.counts_faces",
-                "counts {count} faces, and {there} are there",
+                "declares {count} faces, but contains {there}",
                 count=count,
                 there=present,
             )
@@ -213,7 +221,7 @@ def _check_stl(data: bytes) -> CheckedMesh:
         notes.append(
             message(
                 "importer.bytes_left_out",
-                "{count} bytes after its last face left out",
+                "has {count} bytes after its last face, which are ignored",
                 count=len(rest),
             ),
         )
@@ -227,6 +235,7 @@ def _check_obj(data: bytes) -> CheckedMesh:
 
 def _check_dae(data: bytes) -> CheckedMesh:
     """Refuse COLLADA files with entities, too many elements or nodes, or a wrong unit; note an up axis other than Z."""
+    # Counted in the text, before a parser builds an object for each element.
     if data.count(b"<") > _MOST_TAGS:
         raise UnreadableMesh(
             message(
@@ -235,6 +244,7 @@ def _check_dae(data: bytes) -> CheckedMesh:
         )
     try:
         root = ET.fromstring(data, ET.XMLParser(target=_BuilderWithoutDoctype()))
+    # LookupError: the file declares an encoding that Python does not have.
     except (ET.ParseError, ValueError, LookupError) as problem:
         raise UnreadableMesh(
             message(
@@ -245,28 +255,36 @@ def _check_dae(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(
             message(
                 "importer.too_many_nodes",
-                "has more than {most} nodes, or nodes within themselves",
+                "has more than {most} nodes, or a node that contains itself",
                 most=_MOST_NODES,
             )
         )
 
     unit = root.find("{*}asset/{*}unit")
     meter = "1" if unit is None else unit.get("meter", "1")
+    # The file's unit as a length in metres. Text that is no number fails the comparison below, as NaN does.
     try:
         metres = float(meter)
     except ValueError:
         metres = math.nan
     if not 0 < metres < math.inf:
         raise UnreadableMesh(
-            message("importer.odd_unit", "has a unit of {meter} m", meter=shortened(meter))
+            message(
+                "importer.odd_unit",
+                "has a length unit of {meter} m, which is not a positive number",
+                meter=shortened(meter),
+            )
         )
 
     notes: list[str] = []
+    # A COLLADA file without an up axis has y up.
     up_axis = (root.findtext("{*}asset/{*}up_axis") or "Y_UP").strip()
     if up_axis != "Z_UP":
         notes.append(
             message(
-                "importer.up_axis_ignored", "its up axis {up} is ignored, as ROS does", up=up_axis
+                "importer.up_axis_ignored",
+                "has the up axis {up}, which is ignored, as in ROS",
+                up=up_axis,
             )
         )
     return CheckedMesh(data, notes)
@@ -279,6 +297,7 @@ class _BuilderWithoutDoctype(ET.TreeBuilder):
     """
 
     def doctype(self, *_: Any) -> NoReturn:
+        """Refuse the document type, which the parser reports to this function."""
         raise UnreadableMesh(
             message(
                 "importer.mesh_with_entities",
@@ -292,6 +311,8 @@ def _node_count(root: ET.Element) -> int:
 
     Returns at most one more than the allowed count, also for a node that contains itself.
     """
+    # A node may instantiate another one many times, so that few lines make a huge scene. Each node is counted once, and
+    # its count is used for all of its instances.
     too_many = _MOST_NODES + 1
     node_of_url = {f"#{node.get('id')}": node for node in root.iter() if node.tag.endswith("}node")}
     counts: dict[int, int] = {}  # count of nodes by the identity of an element
@@ -300,6 +321,7 @@ def _node_count(root: ET.Element) -> int:
         """Count an element and the nodes below it."""
         if id(element) in counts:
             return counts[id(element)]
+        # Python ends with an error at a depth of about a thousand calls.
         if depth > _MOST_NESTED:
             return too_many
         # Until the count is known, an element that is reached from itself counts as too many.
@@ -313,6 +335,7 @@ def _node_count(root: ET.Element) -> int:
         total = 1
         for node in below:
             total += count_below(node, depth + 1)
+        # Bounded, so that products of counts do not get huge numbers.
         counts[id(element)] = min(too_many, total)
         return counts[id(element)]
 
@@ -327,10 +350,11 @@ def _check_gltf(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(message("importer.not_readable_gltf", "is not readable as glTF"))
     items = sum(_declared_values(header, "accessors", "count"))
     size = sum(_declared_values(header, "bufferViews", "byteLength"))
+    # Only the count of entries matters here, whatever their meshes are.
     nodes = len(_declared_values(header, "nodes", "mesh"))
     if items > _MOST_ITEMS or size > _MOST_BYTES or nodes > _MOST_NODES:
         raise UnreadableMesh(
-            message("importer.asks_too_many_numbers", "asks for more numbers than a mesh has")
+            message("importer.asks_too_many_numbers", "declares more data than a mesh has")
         )
     return CheckedMesh(data, [])
 
@@ -361,13 +385,16 @@ def _declared_values(header: dict[str, Any], key: str, name: str) -> list[int]:
 
 def _check_ply(data: bytes) -> CheckedMesh:
     """Refuse PLY files whose header counts more elements than the file has bytes."""
+    # The header is text, also in a binary PLY. Data without an end of the header is no PLY, which the parser reports.
     end = data[:100_000].find(b"end_header")
     header = data[: end if end >= 0 else 10_000]
     counts = re.findall(rb"element\s+\w+\s+(\d{1,18})\b", header)
+    # An element takes a byte at least.
     if any(int(count) > len(data) for count in counts):
         raise UnreadableMesh(
             message(
-                "importer.header_counts_more", "is cut off: its header counts more than is there"
+                "importer.header_counts_more",
+                "is cut off: its header declares more elements than the file contains",
             )
         )
     return CheckedMesh(data, [])

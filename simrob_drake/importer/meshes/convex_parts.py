@@ -46,9 +46,11 @@ half of the collision tolerance of 5 mm between links of one robot."""
 _GRID = 1e-3
 """Grid to which vertices are rounded [m]: CAD meshes often have many vertices within a millimetre."""
 
-_LARGEST_ENTRY = 50_000_000  # largest size of a cache entry [bytes]; most have about ten kilobytes
+_LARGEST_ENTRY = 50_000_000
+"""Largest size of a cache entry [bytes]. Most have about ten kilobytes."""
 
-_CODE = [Path(__file__).parent]  # a change of this code makes the cached parts invalid
+_CODE = [Path(__file__).parent]
+"""Folder with the code that makes the cached parts. A change of this code makes them invalid."""
 
 # 98 directions, distributed over all sides: the grid points on the surface of a cube. The
 # volumes of cuts are compared with the outermost points in these directions only, to save time.
@@ -172,13 +174,17 @@ class _Part:
 
 
 class _Cut(NamedTuple):
-    """A cut of a part by a plane."""
+    """A cut of a part by a plane.
 
-    gain: (
-        float  # volume that the cut removes [m³]; for `best_first_cut`, together with the next cuts
-    )
-    axis: int  # index of the axis normal to the plane
-    level: float  # position of the plane on the axis [m]
+    Attributes:
+        gain: volume that the cut removes [m³]. For `best_first_cut` this includes the next cuts of the halves.
+        axis: index of the axis normal to the plane.
+        level: position of the plane on the axis [m].
+    """
+
+    gain: float
+    axis: int
+    level: float
 
 
 _NO_CUT = _Cut(0.0, 0, 0.0)
@@ -258,6 +264,10 @@ def cached_convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vect
     """Read the result of :func:`convex_parts` from the cache, or compute it and write it to the cache.
 
     The cache entry depends on the mesh and on the code of this package.
+
+    Args:
+        vertices: vertices of the mesh, shape (n, 3) [m].
+        faces: indices of the vertices of each face, shape (m, 3).
 
     Raises:
         UnreadableMesh: the mesh is flat or too small for a hull.

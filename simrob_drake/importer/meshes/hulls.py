@@ -89,8 +89,9 @@ def hull_of(points: Vector) -> Hull:
     Raises:
         UnreadableMesh: the points are too close together.
     """
-    solid, thickness = _thicken(points)
+    solid, thickness = _with_thickness(points)
     corners = solid[convex_hull(solid).vertices]
+    # Only corners of the full hull can be corners of a smaller hull.
     chosen, gap = _choose_corners(corners)
     # The sum turns -0 into 0.
     surface = _hull_surface(corners[chosen].round(_DIGITS) + 0.0)
@@ -106,7 +107,7 @@ def is_hull(part: MeshPart) -> bool:
     is_closed = mesh.is_watertight and mesh.is_winding_consistent
     if len(part.faces) > 2 * MOST_CORNERS or not is_closed:
         return False
-    solid, thickness = _thicken(part.vertices)
+    solid, thickness = _with_thickness(part.vertices)
     if thickness:
         return False
     # A closed mesh is convex if it has the volume of its hull.
@@ -126,7 +127,7 @@ def box_of(points: Vector) -> TightBox:
     """
     from trimesh.bounds import oriented_bounds
 
-    solid, thickness = _thicken(points)
+    solid, thickness = _with_thickness(points)
     lower = solid.min(axis=0)
     upper = solid.max(axis=0)
     straight_size = upper - lower
@@ -153,8 +154,8 @@ def _principal_axes(centred: Vector) -> Vector:
     return np.asarray(np.linalg.eigh(np.cov(centred.T))[1])
 
 
-def _thicken(points: Vector) -> tuple[Vector, float]:
-    """Thicken points (n, 3) that lie in a plane or on a line, so that they fill a volume.
+def _with_thickness(points: Vector) -> tuple[Vector, float]:
+    """Give thickness to points (n, 3) that are all in a plane or on a line, so that they fill a volume.
 
     Returns:
         the points, or copies of them on both sides of the plane, and the thickness [m]. The thickness is 0 if the
@@ -162,6 +163,7 @@ def _thicken(points: Vector) -> tuple[Vector, float]:
     """
     centred = points - points.mean(axis=0)
     axes = _principal_axes(centred)
+    # Measured along the principal axes: a plate may be oblique in the frame of the mesh.
     lengths = np.ptp(centred @ axes, axis=0)
     least = _THIN * float(lengths.max())
     is_flat = lengths < least / 2
@@ -178,11 +180,8 @@ def convex_hull(points: Vector) -> "ConvexHull":
     Raises:
         UnreadableMesh: the points do not fill a volume.
     """
-    # slow to load, and only imports of meshes need it
-    from scipy.spatial import (
-        ConvexHull,
-        QhullError,
-    )
+    # Imported here because it is slow to load, and only imports of meshes need it.
+    from scipy.spatial import ConvexHull, QhullError
 
     try:
         return ConvexHull(points)

@@ -95,6 +95,7 @@ class MeshLibrary:
             path = self.places.find(uri).path
         except MeshMissing as problem:
             raise UnreadableMesh(str(problem)) from problem
+        # A damaged file is read once, though visual and collision name it.
         if path in self._failures:
             raise UnreadableMesh(self._failures[path])
         return path
@@ -111,6 +112,7 @@ class MeshLibrary:
             OutsideBorder: the file, or one to which it refers, is outside of the folders from which files may be read.
         """
         path = self.path_of(uri)
+        # The collision shape of a link is often the mesh of its visual, which was read just before.
         if (path, scale) in self._meshes:
             return self._meshes[path, scale]
         # The oldest are released before the next is read, because meshes take much memory.
@@ -122,12 +124,15 @@ class MeshLibrary:
         except UnreadableMesh as problem:
             self._failures[path] = str(problem)
             raise
+        # The scale belongs to the key, since a mirrored link uses the same file with another scale.
         self._meshes[path, scale] = mesh
         return mesh
 
     def _read(self, path: Path, scale: Scale) -> Mesh:
         """Read, scale, clean and simplify a mesh, and describe the changes. See :meth:`load`."""
         try:
+            # The files to which the mesh refers are found here, with their permission, as the parser may open these
+            # only.
             others, missing = self.places.needed_by(path)
         except OSError as problem:
             raise UnreadableMesh(
@@ -139,12 +144,14 @@ class MeshLibrary:
             ) from problem
         source = read_mesh(path, others)
         face_total = face_count(source.parts)
+        # Scaled before it is cleaned: limits of sizes and of equal vertices are in metres.
         scaling = np.diag([*scale, 1.0])
         cleaned = [clean(part.transform(scaling)) for part in source.parts]
+        # A part of degenerate faces only is empty now.
         cleaned = [part for part in cleaned if len(part.faces)]
         source.parts.clear()  # a million faces take a sixth of a gigabyte
         if not cleaned:
-            raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
+            raise UnreadableMesh(message("importer.no_area", "contains no triangle with an area"))
         parts = decimate(cleaned)
 
         changes = _describe_changes(
@@ -153,6 +160,7 @@ class MeshLibrary:
             cleaned=face_count(cleaned),
             after=face_count(parts),
         )
+        # A file that would be written with the same content is copied, so that its comments and digits stay.
         is_unchanged = not changes and not source.notes and len(parts) == 1 and scale == _NO_SCALE
         can_be_copied = (
             path.suffix.lower() == ".obj" and is_unchanged and has_common_lines_only(source.data)
@@ -221,7 +229,7 @@ def _advice_on_size(parts: list[MeshPart]) -> list[str]:
 
 
 _CODE = [Path(__file__).parent]
-"""The code that writes cached files: after a change of it they are written again."""
+"""Folder with the code that makes the cached files. A change of this code makes all of them invalid."""
 
 
 def drake_mesh(file: Path) -> Path:
@@ -241,20 +249,25 @@ def drake_mesh(file: Path) -> Path:
             "",
             message(
                 "importer.no_mesh_of_piece",
-                "is no mesh that a piece can have; {formats} are",
+                "is not a mesh that a piece can have; the formats are {formats}",
                 formats=", ".join(MESH_FORMATS),
             ),
         )
     try:
         source = file.resolve()
+        # Files of a piece are read from the folder of its mesh only, so there are no further folders.
         others, _ = MeshPlaces(source, ()).needed_by(source)
+        # Also the files to which the mesh refers: a change of a buffer changes the result.
         content = [mesh_content(path) for path in (file, *others.values())]
         entry = cache_entry("pieces", made_of=[suffix.encode(), *content], made_by=_CODE)
         converted = entry / "mesh.obj"
         if not converted.is_file():
             part = clean(combine_without_look(read_mesh(file, others).parts))
             if not len(part.faces):
-                raise UnreadableMesh(message("importer.no_area", "holds no triangle with an area"))
+                raise UnreadableMesh(
+                    message("importer.no_area", "contains no triangle with an area")
+                )
+            # Two processes may convert the same mesh at the same time, and neither may read half a file.
             written_at_once(converted, obj_text(_orient_outwards(part)).decode())
     except OSError as problem:
         raise InvalidModel(
@@ -296,8 +309,10 @@ _KEYWORDS = {b"v", b"vn", b"vt", b"f", b"o", b"g", b"s", b"usemtl", b"mtllib"}
 """First words of the lines of an OBJ file that every reader understands."""
 
 _NORMAL_DIGITS = 4
+"""Digits to which normals are written. Equal normals are written once, which makes files much smaller."""
+
 _UV_DIGITS = 6
-"""Digits to which normals and texture coordinates are written."""
+"""Digits to which texture coordinates are written: less than a thousandth of a pixel of the largest texture."""
 
 
 @dataclass
@@ -309,8 +324,8 @@ class MeshWriter:
     """
 
     folder: Path | None
+    # Names of the files by role and hash of the content.
     _name_of: dict[tuple[str, str], str] = field(default_factory=dict, init=False)
-    """Names of the files by role and hash of the content."""
 
     def write(self, part: MeshPart, *, role: str, stem: str, original: bytes | None = None) -> str:
         """Write a part, unless the same content was written for this role before.
@@ -328,6 +343,7 @@ class MeshWriter:
         if original is None:
             text = obj_text(part, library)
         else:
+            # The texture is written under a new name, so that the file must refer to the new library.
             text = _set_material_library(original, library if part.image else "")
         png = b"" if part.image is None else as_png(part.image)
 
@@ -339,6 +355,7 @@ class MeshWriter:
             return name
         self._save(f"{stem}.obj", text)
         if part.image is not None:
+            # White, Kd 1 1 1, shows the texture in its own colours.
             self._save(library, f"newmtl {_MATERIAL}\nKd 1 1 1\nmap_Kd {stem}.png\n".encode())
             self._save(f"{stem}.png", png)
         return name
@@ -372,7 +389,13 @@ def _set_material_library(data: bytes, library: str) -> bytes:
 
 
 def obj_text(part: MeshPart, library: str = "") -> bytes:
-    """Write a part as the content of an OBJ file. It refers to the material library only if it has a texture."""
+    """Write a part as the content of an OBJ file.
+
+    Args:
+        part: the part. Normals are computed if it has none.
+        library: name of the material library. The file refers to it only if the part has a texture.
+    """
+    # Viewers shade faces without normals as if all were flat.
     part = with_normals(part)
     assert part.normals is not None
     blocks = []
@@ -401,4 +424,5 @@ def obj_text(part: MeshPart, library: str = "") -> bytes:
 def _matrix_lines(keyword: str, values: Vector) -> str:
     """Write a matrix (n, k) as n lines of an OBJ file, each a keyword and k numbers."""
     line = f"{keyword}{' %r' * values.shape[1]}\n"
+    # As for the faces, one format for all lines. %r writes the shortest text that reads as the same number.
     return (line * len(values)) % tuple(values.reshape(-1).tolist())

@@ -75,7 +75,8 @@ def decode_texture(image: Any) -> "Image | None":
     has_opacity = "A" in image.getbands() or "transparency" in image.info
     try:
         decoded = image.convert("RGBA" if has_opacity else "RGB")
-    except (OSError, SyntaxError, ValueError, MemoryError):  # what Pillow raises on damaged files
+    except (OSError, SyntaxError, ValueError, MemoryError):
+        # Pillow raises these for damaged files.
         return None
     decoded.thumbnail((_LARGEST_SIDE, _LARGEST_SIDE))
     # The new image has the pixels only, without the comments and colour profiles of the file.
@@ -155,6 +156,7 @@ def _transform_normals(normals: Vector | None, linear: Vector) -> Vector | None:
 
     Returns None if there are no normals, or if the transform flattens the mesh.
     """
+    # A transform that flattens the mesh has no inverse.
     if normals is None or abs(np.linalg.det(linear)) < 1e-30:
         return None
     # A normal n stays perpendicular to its transformed face as inv(A)^T n. For rows this is n^T inv(A).
@@ -201,6 +203,7 @@ def combine(parts: list[MeshPart]) -> MeshPart:
 
     Normals and texture coordinates are kept only if all parts have them.
     """
+    # Indices of vertices begin at 0 in each part.
     faces = []
     offset = 0  # index of the part's first vertex among the vertices of all parts
     for part in parts:
@@ -303,6 +306,7 @@ def _simplify(part: MeshPart, target: int) -> MeshPart:
 
     size = size_of([part])
     colour = part.rgba if part.image is None else mean_colour(part.image)
+    # Thin parts, such as a plate of two triangles, may disappear. More faces keep them.
     for count in (target, 2 * target, 4 * target):
         if count >= len(part.faces):
             break
@@ -343,5 +347,6 @@ def _has_area(vertices: Vector, faces: Faces) -> NDArray[np.bool_]:
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     sides = (second - first, third - second, first - third)
     longest_squared = np.max([np.einsum("ij,ij->i", side, side) for side in sides], axis=0)
+    # The cross product of two sides is as long as twice the area of the triangle.
     doubled_area = np.linalg.norm(np.cross(sides[0], sides[2]), axis=1)
     return np.asarray(doubled_area > _LEAST_SINE * longest_squared)

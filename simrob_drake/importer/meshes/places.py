@@ -10,10 +10,9 @@ import re
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from os.path import (
-    exists,
-    isfile,
-)  # unlike Path's methods, they are false for names that no file can have
+
+# Unlike the methods of Path, these functions are false for names that no file can have.
+from os.path import exists, isfile
 from pathlib import Path, PurePosixPath
 from typing import NamedTuple
 from urllib.parse import unquote
@@ -105,6 +104,7 @@ class MeshPlaces:
             MeshMissing: no file has this name.
             OutsideBorder: the file is outside of the folders from which files may be read.
         """
+        # The search may try hundreds of paths, and each mesh is named at least twice: as visual and as collision.
         if uri in self._found:
             return self._found[uri]
         name = _parse_name(uri)
@@ -112,9 +112,10 @@ class MeshPlaces:
             raise MeshMissing(
                 message(
                     "importer.on_the_network",
-                    "is on the network, where nothing is read from; download it beside the URDF",
+                    "is on the network, from which nothing is read; download it into the folder of the URDF",
                 )
             )
+        # A name without a package is relative to the URDF.
         folder = self.border.package(name.package) if name.package else self.source.parent
         exact_paths = [] if folder is None else [folder / name.path]
         self._found[uri] = self._first_readable(uri, name, exact_paths, self._paths_by_end(name))
@@ -140,6 +141,7 @@ class MeshPlaces:
             has_options = re.match(r"-[a-z]", name)
             file_name = name.rsplit(maxsplit=1)[-1] if has_options else name
             try:
+                # A missing texture is no error: the mesh has its shape without it.
                 found[name] = self._find_near(path, file_name).path
             except MeshMissing:
                 missing.append(name)
@@ -166,7 +168,9 @@ class MeshPlaces:
         parsed = _parse_name(name)
         last = PurePosixPath(parsed.path).name
         if parsed.scheme in _NETWORK or not last:
-            raise MeshMissing(message("importer.no_file_beside_mesh", "is no file beside the mesh"))
+            raise MeshMissing(
+                message("importer.no_file_beside_mesh", "is not a file next to the mesh")
+            )
         if parsed.package:
             return self.find(name)
         # Authors often leave their own folders in the name; the file itself is delivered with the mesh.
@@ -203,8 +207,10 @@ class MeshPlaces:
             try:
                 self.border.readable(existing.path)
             except OutsideBorder as problem:
+                # Another path may be allowed. The first refusal is kept for the error.
                 outside = outside or problem
                 continue
+            # Only a file with exactly the given name needs no note in the report.
             if is_from_name and existing.is_exact:
                 return FoundFile(existing.path)
             shown = self._relative_to_package(existing.path)
@@ -212,6 +218,7 @@ class MeshPlaces:
                 existing.path, message("importer.found_as", "found as {shown}", shown=shown)
             )
 
+        # A file that exists and may not be read is the better explanation: the user can allow its folder.
         if outside is not None:
             raise OutsideBorder(
                 message(
@@ -236,8 +243,10 @@ class MeshPlaces:
     def _paths_by_end(self, name: _ParsedName) -> Iterator[Path]:
         """Yield paths that end like a name, in the folders of the robot and of the user, the longest end first."""
         path = PurePosixPath(name.package, name.path)
+        # Steps upwards would lead out of the folders in which the end is searched.
         parts = [part for part in path.parts if part not in ("/", "..", ".")]
         last_parts = parts[-_MOST_TRIED_PARTS:]
+        # Each folder once: the URDF may be in the root of its package.
         folders = list(
             dict.fromkeys((self.border.root, self.source.parent, *self.border.mesh_path))
         )
@@ -258,6 +267,7 @@ def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> li
     names = dict.fromkeys(mesh.get("filename", "") for mesh in robot.iter("mesh"))
     files: list[Path] = []
     for name in names:
+        # A mesh that cannot be found is reported by the import itself.
         try:
             path = places.find(name).path
             needed, _ = places.needed_by(path)
@@ -269,7 +279,7 @@ def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> li
 
 def _parse_name(uri: str) -> _ParsedName:
     """Take the name of a mesh apart. The drive of a Windows path, such as ``C:``, is left out."""
-    # ROS 1 also knows the form $(find arms)/meshes/link1.stl.
+    # ROS 1 also has the form $(find arms)/meshes/link1.stl.
     text = re.sub(r"^\$\(find ([\w.-]+)\)/*", r"package://\1/", uri.strip().replace("\\", "/"))
     scheme, separator, rest = text.partition("://")
     scheme = scheme.lower()
@@ -302,8 +312,10 @@ def in_any_case(path: Path) -> Path | None:
     Returns the first in order if there are several such files, and None if there is none.
     """
     folder = Path(path.anchor)
+    # Folder by folder from the root, as any of them may have other capital letters.
     for part in path.parts[1:]:
         exact = folder / part
+        # A folder with the exact name is preferred. Its neighbour may differ in capital letters only.
         if part == ".." or exists(exact):
             folder = exact
             continue
@@ -319,6 +331,6 @@ def unknown_package(name: str) -> str:
     """Sentence for a package that is not found, with the option that would give its folder."""
     return message(
         "importer.package_not_found",
-        "package '{name}' is not found, name its folder with --mesh-path DIR",
+        "package '{name}' is not found; give its folder with --mesh-path DIR",
         name=name,
     )

@@ -90,13 +90,14 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
         raise UnreadableMesh(
             message(
                 "importer.unread_format",
-                "is of a format '{kind}' that is not read; {formats} are",
+                "has the format '{kind}', which is not read; the formats are {formats}",
                 kind=suffix,
                 formats=", ".join(MESH_FORMATS),
             )
         )
     data = mesh_content(path)
     checked = check_mesh(data, suffix)
+    # The list is shared: the functions below append to it.
     notes = checked.notes
     try:
         with _without_output():
@@ -115,7 +116,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
             )
         ) from problem
     if not parts:
-        raise UnreadableMesh(message("importer.no_triangles", "holds no triangles"))
+        raise UnreadableMesh(message("importer.no_triangles", "contains no triangles"))
     if face_count(parts) > _MOST_SHADED:
         # The objects of trimesh refer to each other, so that only the collector frees them: a quarter of a gigabyte
         # for a million faces.
@@ -134,7 +135,7 @@ def mesh_content(path: Path) -> bytes:
     except NotRead as problem:
         hint = ""
         if isinstance(problem, TooLarge):
-            hint = message("importer.decimate_it", "; decimate it, in MeshLab or Blender")
+            hint = message("importer.decimate_it", "; decimate the mesh, in MeshLab or Blender")
         raise UnreadableMesh(
             message(
                 "importer.cannot_be_read_hint",
@@ -169,6 +170,7 @@ def _without_output() -> Iterator[None]:
     """Suppress the warnings and tracebacks that trimesh prints. The errors that matter are reported by this module."""
     log = logging.getLogger("trimesh")
     level = log.level
+    # The level is restored afterwards, since other code may use trimesh and its log.
     log.setLevel(logging.CRITICAL)
     try:
         with warnings.catch_warnings():
@@ -187,6 +189,9 @@ def _resolver(others: Mapping[str, Path]) -> Any:
     from trimesh.resolvers import Resolver
 
     class AllowedFiles(Resolver):
+        """Opens the given files by their names in the mesh. Its methods are those that trimesh calls."""
+
+        # The constructor of the base class is abstract.
         def __init__(self) -> None:
             pass
 
@@ -197,6 +202,7 @@ def _resolver(others: Mapping[str, Path]) -> Any:
             raise NotImplementedError
 
         def get(self, key: str) -> bytes:
+            """Read a file by its name in the mesh; other names are missing files."""
             path = others.get(key.strip())
             if path is None:
                 raise FileNotFoundError(key)
@@ -235,6 +241,7 @@ def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart
     """
     from trimesh import Trimesh
 
+    # A geometry has a place for each node that uses it.
     placed_meshes = []
     for node in scene.graph.nodes_geometry:
         matrix, name = scene.graph[node]
@@ -242,11 +249,12 @@ def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart
         # Scenes may contain curves and points, too.
         if isinstance(geometry, Trimesh) and len(geometry.faces):
             placed_meshes.append(_PlacedMesh(matrix, geometry))
+    # Checked before any geometry is converted: a small file can use one geometry thousands of times.
     if sum(len(placed.mesh.faces) for placed in placed_meshes) > _MOST_FACES:
         raise UnreadableMesh(
             message(
                 "importer.too_many_faces",
-                "has more than {most} faces; decimate it",
+                "has more than {most} faces; decimate the mesh",
                 most=_MOST_FACES,
             )
         )
@@ -258,6 +266,7 @@ def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart
             unit = _collada_unit(placed.mesh)
             matrix = np.diag([unit, unit, unit, 1.0]) @ matrix
         transform = to_z_up @ matrix
+        # A node with a damaged transform would place its vertices nowhere.
         if np.isfinite(transform).all():
             for part in _geometry_parts(placed.mesh, suffix, notes):
                 yield part.transform(transform)
@@ -283,19 +292,21 @@ def _geometry_parts(mesh: Any, suffix: str, notes: list[str]) -> Iterator[MeshPa
         notes: gets sentences about content that is left out.
     """
     bare = _part_without_look(mesh)
+    # Only counted here. The faces are removed when the mesh is cleaned.
     is_finite = np.isfinite(bare.vertices[bare.faces]).all(axis=(1, 2))
     lost = np.count_nonzero(~is_finite)
     if lost:
         notes.append(
             message(
                 "importer.faces_without_corner",
-                "{lost} faces with a corner that is no finite number left out",
+                "has {lost} faces with a corner that is not a finite number, which are left out",
                 lost=lost,
             )
         )
     visual = mesh.visual
     if visual.kind == "texture":
         yield _part_with_material(bare, mesh, suffix)
+    # trimesh converts colours of vertices to those of faces.
     elif visual.kind in ("vertex", "face") and len(visual.face_colors) == len(mesh.faces):
         yield from _split_by_colour(bare, visual.face_colors, notes)
     else:
@@ -322,6 +333,7 @@ def _part_without_look(mesh: Any) -> MeshPart:
     corner_normals = np.asarray(normals, dtype=float)[faces]
     lengths = np.linalg.norm(corner_normals, axis=-1)
     has_directions = np.isfinite(corner_normals).all() and bool((lengths > _LEAST_NORMAL).all())
+    # One wrong normal makes all of them doubtful. New ones are computed when the mesh is written.
     if not has_directions:
         return part
     return MeshPart(vertices, faces, corner_normals / lengths[..., None])
@@ -366,6 +378,7 @@ def _material_colour(material: Any, suffix: str) -> Rgba:
         colour[:3] = np.where(
             linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055
         )
+    # trimesh ignores the opacity of OBJ materials.
     opacity = _mtl_opacity(material)
     return _rgba([*colour[:3], colour[3] if opacity is None else opacity])
 
@@ -400,10 +413,11 @@ def _split_by_colour(bare: MeshPart, colours: Any, notes: list[str]) -> Iterator
         notes.append(
             message(
                 "importer.colours_become_mean",
-                "{count} colours of its vertices become their mean",
+                "has {count} colours of vertices, which their mean replaces",
                 count=len(distinct),
             )
         )
+        # Such colours are mostly a painted surface. The mean shows its tone.
         distinct = np.mean(colours, axis=0, keepdims=True)
         colour_index = np.zeros(len(colours), dtype=int)
     for index, colour in enumerate(distinct):
@@ -414,6 +428,8 @@ def _split_by_colour(bare: MeshPart, colours: Any, notes: list[str]) -> Iterator
 def _rgba(colour: Any) -> Rgba:
     """Limit the numbers of a colour to 0 to 1, and make an invisible colour opaque."""
     limited = np.clip(np.asarray(colour, dtype=float), 0, 1)
+    # Four digits, so that colours that differ by rounding only are one material.
     values: Vector = np.nan_to_num(limited, nan=1.0).round(4)
-    red, green, blue, opacity = values.tolist()
+    red, green, blue = values[:3].tolist()
+    opacity = float(values[3])
     return red, green, blue, opacity if opacity > _LEAST_OPACITY else 1.0

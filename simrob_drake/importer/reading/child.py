@@ -33,12 +33,15 @@ from simrob_drake.base.messages import (
 )
 from simrob_drake.robots.imports import ImportReport
 
+# The URDF of a robot with thousands of links has some million characters.
 MAX_OUTPUT = 20_000_000
 """Largest line that the process may send [bytes]."""
 
+# The environment may contain secrets of the user, so the process gets no other variable.
 _KEPT_VARIABLES = ("LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH")
 """Environment variables that the process inherits, without which some builds of Python do not start."""
 
+# Each thread would need memory of its own, and the process has little. Sets in the same order give the same robot.
 _SETTINGS = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
 """Environment variables of the process: no threads, and the same order of sets in each run."""
 
@@ -75,6 +78,7 @@ def in_child(
     environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
     environment |= _SETTINGS
     environment["PYTHONPATH"] = os.pathsep.join(folder for folder in sys.path if folder)
+    # -P: modules in the working folder cannot take the place of others. -X utf8: texts are UTF-8 on all systems.
     command = [sys.executable, "-P", "-X", "utf8", "-m", module]
     with (
         tempfile.TemporaryFile() as errors,
@@ -86,11 +90,13 @@ def in_child(
             stderr=errors,
         ) as child,
     ):
+        # The limit of processor time does not end a process that waits.
         timer = threading.Timer(seconds, child.kill)
         timer.start()
         try:
             result = _exchange(job, answer, child)
         finally:
+            # A timer that has run out has killed the process.
             is_in_time = timer.is_alive()
             timer.cancel()
             child.kill()
@@ -98,11 +104,16 @@ def in_child(
                 cast(IO[bytes], child.stdin).close()
         if result is None and not is_in_time:
             raise ChildFailed(
-                message("importer.did_not_end", "did not end within {seconds:g} s", seconds=seconds)
+                message(
+                    "importer.did_not_end",
+                    "the process does not end within {seconds:g} s",
+                    seconds=seconds,
+                )
             )
         if result is None:
             raise ChildFailed(_crash_reason(errors, child))
 
+    # The process ends with a result, or with a problem that it found itself.
     if "problem" in result:
         raise ChildFailed(_read_problem(result["problem"]))
     if result["unconfined"]:
@@ -112,7 +123,7 @@ def in_child(
             "",
             message(
                 "importer.read_unconfined",
-                "read without {missing}, which would confine the process that does it on Linux, too",
+                "read in a process without the protection of {missing}, which this system does not have",
                 missing=missing,
             ),
         )
@@ -122,11 +133,12 @@ def in_child(
 def _crash_reason(errors: IO[bytes], child: subprocess.Popen[bytes]) -> str:
     """Reason why a process ended without a result: the last line of its standard error, or else its exit code."""
     errors.seek(0)
+    # Python writes the error itself in the last line, after its traceback.
     lines = errors.read(MAX_OUTPUT).decode("utf-8", errors="replace").strip().splitlines()
     if lines:
         return lines[-1]
     return message(
-        "importer.its_process_ended", "its process ended with code {code}", code=child.wait()
+        "importer.its_process_ended", "the process ended with exit code {code}", code=child.wait()
     )
 
 
@@ -144,18 +156,20 @@ def _exchange(
         while True:
             requests.write(json.dumps(to_send).encode() + b"\n")
             requests.flush()
+            # A process that sends without end would fill the memory of the parent.
             line = replies.readline(MAX_OUTPUT)
             if len(line) == MAX_OUTPUT:
                 return {
                     "problem": message(
                         "importer.gives_too_much",
-                        "it gives more than {megabytes} MB",
+                        "the result is larger than {megabytes} MB",
                         megabytes=MAX_OUTPUT // 1_000_000,
                     )
                 }
             reply = json.loads(line)
             if "ask" not in reply:
                 return dict(reply)
+            # A refused request is answered, too: with a reason in place of the content.
             to_send = answer(reply["ask"], reply["about"])
     except (OSError, ValueError):
         return None
@@ -168,6 +182,7 @@ def ask(kind: str, about: str) -> Any:
         kind: kind of the request, which the parent's function knows.
         about: subject of the request, such as a file.
     """
+    # Flushed, because the process waits for the answer before its buffer is full.
     print(json.dumps({"ask": kind, "about": about}), flush=True)
     return json.loads(sys.stdin.readline())
 
@@ -183,6 +198,7 @@ def _read_problem(problem: Any) -> str:
 
 def _in_one_line(problem: Exception) -> str:
     """Message of an error, or its text on one line; the name of its class if it has no text."""
+    # A message keeps its id, so that the parent can show it in the user's language.
     found = message_of(problem)
     if isinstance(found, Message):
         return found.limited_to(_LONGEST_PROBLEM)
@@ -196,22 +212,26 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
         work: function that computes the result of a job.
         seconds: processor time that the process may take [s].
     """
+    # First of all: the job may come from a file that nobody has looked at.
     missing = confine(seconds)
     try:
         job = json.loads(sys.stdin.readline())
         end = {**work(job), "unconfined": missing}
+    # What the job has used is free again, so that there is memory for a message.
     except MemoryError:
         too_much = message(
             "importer.takes_too_much_memory",
-            "it takes more than {megabytes} MB of memory",
+            "the process needs more than {megabytes} MB of memory",
             megabytes=MEMORY // 1_000_000,
         )
         end = {"problem": as_data(too_much)}
+    # Without the number of the error, which the usual text contains.
     except OSError as problem:
         why = compound(
             "{filename}: {strerror}", filename=problem.filename, strerror=problem.strerror
         )
         end = {"problem": as_data(why)}
+    # Any error of the job is its problem. The parent shows it to the user.
     except Exception as problem:
         end = {"problem": as_data(_in_one_line(problem))}
     print(json.dumps(end), flush=True)
@@ -220,6 +240,7 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
 MEMORY = 1_000_000_000
 """Largest memory of a confined process [bytes]."""
 
+# Without this limit, a job could fill the disk through its standard error.
 _MOST_WRITTEN = 1_000_000
 """Largest size to which the process can extend a file that is open already, such as its standard error [bytes]."""
 
@@ -233,6 +254,7 @@ _LANDLOCK_CREATE_RULESET = 444
 _LANDLOCK_RESTRICT_SELF = 446
 _LANDLOCK_GET_VERSION = 1  # flag of the first call
 
+# The kernel refuses a ruleset with rights that its version does not know.
 _FILE_RIGHTS = {1: 0x1FFF, 2: 0x3FFF, 3: 0x7FFF, 4: 0x7FFF}
 """Rights to files, as bits, by the version of Landlock that knows them."""
 
@@ -326,7 +348,9 @@ def confine(seconds: int) -> list[str]:
     }
     for kind, limit in limits.items():
         with suppress(ValueError, OSError):  # not all systems have all limits
+            # Equal soft and hard limits: the process cannot raise them again.
             resource.setrlimit(kind, (limit, limit))
+    # The variables that the start of Python needed are not needed any more.
     os.environ.clear()
     if sys.platform != "linux":
         return ["Landlock", "seccomp"]
@@ -346,6 +370,7 @@ def _system() -> ctypes.CDLL:
 
     The kernel lets a process without privileges confine itself only after this.
     """
+    # None means the process itself, in which the C library is loaded already.
     system = ctypes.CDLL(None)
     system.syscall.restype = ctypes.c_long
     arguments = map(ctypes.c_ulong, (1, 0, 0, 0))
@@ -361,16 +386,19 @@ def _shut_files(system: ctypes.CDLL) -> bool:
     version = int(
         system.syscall(_LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), _LANDLOCK_GET_VERSION),
     )
+    # Old kernels, and some containers, have no Landlock: the call fails with a negative number.
     if version < 1:
         return False
     # The rights that a ruleset contains are refused. A kernel accepts only the fields that its version knows.
     rights = [_FILE_RIGHTS.get(version, _LATER_FILE_RIGHTS)]
+    # Each field of the ruleset that is left out permits what it would control.
     if version >= 4:
         rights.append(_PORT_RIGHTS)
     if version >= 6:
         rights.append(_SCOPES)
     ruleset = (ctypes.c_uint64 * len(rights))(*rights)
     size = ctypes.c_size_t(ctypes.sizeof(ruleset))
+    # No rule is added to the ruleset, so that nothing at all is allowed.
     descriptor = int(system.syscall(_LANDLOCK_CREATE_RULESET, ctypes.byref(ruleset), size, 0))
     if descriptor < 0:
         return False
@@ -399,6 +427,7 @@ def _filter_calls(system: ctypes.CDLL) -> bool:
 
     Returns whether the filter is active. There is none for processors other than x86_64 and aarch64.
     """
+    # The numbers of system calls are known for these processors only.
     machine = _MACHINES.get(platform.machine())
     if machine is None:
         return False
@@ -416,6 +445,7 @@ def _filter_calls(system: ctypes.CDLL) -> bool:
     steps.append(_Step(_BPF_RETURN, 0, 0, _REFUSE))
     steps.append(_Step(_BPF_RETURN, 0, 0, _ALLOW))
 
+    # The kernel copies the filter, so the arrays may go when the function ends.
     program = _Program(len(steps), (_Step * len(steps))(*steps))
     mode = ctypes.c_ulong(_SECCOMP_MODE_FILTER)
     return int(system.prctl(_PR_SET_SECCOMP, mode, ctypes.byref(program), 0, 0)) == 0

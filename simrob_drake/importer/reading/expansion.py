@@ -25,7 +25,7 @@ from simrob_drake.importer.reading.child import ask, serve
 from simrob_drake.importer.reading.expressions import (
     Function,
     NotAllowed,
-    bounded,
+    check_value,
     evaluate,
     symbols,
 )
@@ -66,31 +66,33 @@ class _Expansion:
 
     def __init__(self) -> None:
         self.messages: list[str] = []
-        # Functions of the namespace "xacro" in expressions.
-        own = {
+        # Functions of the namespace "xacro" in expressions. All others of the package xacro do not exist for a file.
+        functions = {
             "abs_filename": xacro.abs_filename_spec,
-            "arg": lambda name: substitution_args._eval_arg(
-                name, xacro.substitution_args_context["arg"]
-            ),
-            "load_yaml": lambda file: bounded(
-                yaml.load(_ask("yaml", xacro.abs_filename_spec(file)), Loader=_Loader)
-            ),
+            "arg": _argument,
+            "load_yaml": _load_yaml,
             "fatal": lambda *words: _refuse(" ".join(map(str, words))),
-            "message": self._say,
-            "warning": self._say,
-            "error": self._say,
+            "message": self._keep_message,
+            "warning": self._keep_message,
+            "error": self._keep_message,
+            # It would print the place in the file to the standard error, which no user sees.
             "print_location": lambda: "",
         }
-        self._symbols = symbols(**own)
+        self._symbols = symbols(**functions)
+
+        # Expressions ${...} are evaluated by the interpreter of this package.
         xacro._global_symbols = self._symbols
         xacro.safe_eval = evaluate
+        # Files, lists of files and packages come from the parent: this process can open nothing.
         xacro.parse = self._document
         xacro.glob = SimpleNamespace(glob=partial(_ask, "files"))
+        # The same for $(eval ...), $(find ...) and $(env ...).
         substitution_args._eval = self._eval
         substitution_args._eval_find = partial(_ask, "package")
         substitution_args._eval_env = _environment
         for unit, factor in _UNITS.items():
             _Loader.add_constructor(f"!{unit}", partial(self._with_unit, factor=factor))
+        # An expression can have no dates. A serial number such as 2020-01-01 stays the text that it is meant to be.
         _Loader.add_constructor("tag:yaml.org,2002:timestamp", lambda _, node: str(node.value))
 
     def run(self, job: dict[str, Any]) -> dict[str, Any]:
@@ -105,9 +107,11 @@ class _Expansion:
         Raises:
             Exception: the errors of xacro, of many classes.
         """
+        # $(cwd) would ask for the working folder, which has no meaning for a file, and which the system refuses here.
         xacro.root_dir = "/"
         try:
             document = xacro.process_file(job["file"], mappings=job["arguments"])
+        # xacro wraps errors in errors of its own, which add the expression.
         except Exception as problem:
             raise _cause(problem) from problem
         return {"urdf": document.documentElement.toxml(), "messages": self.messages}
@@ -120,6 +124,7 @@ class _Expansion:
             # xacro has put the file on its stack before, and would report it as the place of the error.
             xacro.filestack.pop()
             raise xacro.XacroException(exc=problem) from problem
+        # The parent's parser refuses entities in the outermost file. An included file gets here first.
         if document.doctype is not None:
             _refuse(
                 message(
@@ -135,7 +140,7 @@ class _Expansion:
         return float(evaluate(loader.construct_scalar(node), self._symbols)) * factor
 
     def _eval(self, text: str, context: dict[str, Any]) -> str:
-        """Evaluate ``$(eval ...)``, in which the names of arguments stand for their values."""
+        """Evaluate the expression of ``$(eval ...)``, which can use the arguments of the file by their names."""
         arguments = {
             key: substitution_args.convert_value(value, "auto")
             for key, value in context["arg"].items()
@@ -146,14 +151,32 @@ class _Expansion:
             "find": Function("find", partial(_ask, "package")),
             "optenv": Function("optenv", substitution_args._eval_optenv),
         }
+        # Later names replace earlier ones: an argument cannot hide a function. The launch files of ROS, from which
+        # $(eval ...) comes, write true and false in lower case.
         names = {**arguments, **self._symbols, **functions, "true": True, "false": False}
         return str(evaluate(text, names))
 
-    def _say(self, *words: Any, **_: Any) -> str:
-        """Keep a message of the file. Returns the empty value of the expression."""
+    def _keep_message(self, *words: Any, **_: Any) -> str:
+        """Keep a message of the file. Returns the value of the expression that contains the call: an empty text."""
+        # A file that calls itself could fill the memory with messages.
         if len(self.messages) < _MOST_MESSAGES:
             self.messages.append(" ".join(map(str, words))[:_LONGEST_MESSAGE])
         return ""
+
+
+def _argument(name: str) -> Any:
+    """Value of an argument of the file, for ``xacro.arg()`` in an expression."""
+    return substitution_args._eval_arg(name, xacro.substitution_args_context["arg"])
+
+
+def _load_yaml(file: str) -> Any:
+    """Content of a YAML file, for ``xacro.load_yaml()`` in an expression.
+
+    Raises:
+        NotAllowed: the content is too large, or contains other values than numbers, texts, lists and mappings.
+    """
+    content = yaml.load(_ask("yaml", xacro.abs_filename_spec(file)), Loader=_Loader)
+    return check_value(content)
 
 
 def _environment(name: str) -> str:
@@ -161,18 +184,19 @@ def _environment(name: str) -> str:
     return _refuse(
         message(
             "importer.environment_variable",
-            "the environment variable {name} is not for a xacro file to read",
+            "a xacro file may not read the environment variable {name}",
             name=name,
         )
     )
 
 
 def _refuse(why: str) -> NoReturn:
+    """End the expansion with a reason. A function, because an expression in a lambda cannot raise an error."""
     raise NotAllowed(why)
 
 
 def _ask(kind: str, about: str) -> Any:
-    """Ask the parent for the text of a file, the files that fit a pattern, or the folder of a package.
+    """Request from the parent the text of a file, the files that fit a pattern, or the folder of a package.
 
     Args:
         kind: ``xml``, ``yaml``, ``files`` or ``package``.
@@ -192,14 +216,14 @@ def _ask(kind: str, about: str) -> Any:
 
 def _cause(problem: Exception) -> Exception:
     """Find the first cause of an error of xacro, or return the error itself if xacro adds information to the cause."""
+    # xacro keeps the wrapped error in the attribute `exc`.
     cause: Any = problem
     while getattr(cause, "exc", None) is not None:
         cause = cause.exc
-    return (
-        cause
-        if isinstance(cause, NotAllowed | LookupError | MemoryError | OSError | SyntaxError)
-        else problem
-    )
+    # The messages of these errors are complete. For other errors, such as a ZeroDivisionError, the text of xacro also
+    # contains the expression.
+    is_complete = isinstance(cause, NotAllowed | LookupError | MemoryError | OSError | SyntaxError)
+    return cause if is_complete else problem
 
 
 if __name__ == "__main__":

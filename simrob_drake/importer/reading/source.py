@@ -11,7 +11,6 @@ from pathlib import Path
 
 from simrob_drake.base.extension import BrokenExtension, MissingExtension
 from simrob_drake.base.messages import compound, join_texts, message
-from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.importer.importer import RobotImporter, load_importer
 from simrob_drake.importer.reading.xacro import XACRO, expand_xacro
 from simrob_drake.importer.reading.xml_file import parse_tree, xml_text
@@ -19,10 +18,25 @@ from simrob_drake.importer.sdf.reading import read_sdf
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.urdf import DRAKE
 
+# Authors of files switch off a joint or a shape by a comment. The user of the file may take it for a part of the robot.
 _HIDDEN_TAG = re.compile(
     r"<(link|joint|visual|collision|inertial|transmission|geometry|mesh|origin|limit|mimic)\b[^<]*>"
 )
 """An element of a URDF in the text of a comment."""
+
+_OTHER_FORMATS = {
+    "gazebo": message("importer.kind_gazebo", "an old SDF file"),
+    "world": message("importer.kind_world", "an SDF world"),
+    "model": message("importer.kind_model", "an SDF model"),
+    "mujocoinclude": message(
+        "importer.kind_mujocoinclude", "a part of an MJCF file of MuJoCo, which other files include"
+    ),
+    "COLLADA": message("importer.kind_collada", "a COLLADA mesh"),
+    "launch": message("importer.kind_launch", "a ROS launch file"),
+    "package": message("importer.kind_package", "a ROS package manifest"),
+    "html": message("importer.kind_html", "a web page, perhaps in place of the raw file"),
+}
+"""Files that users take for a robot's file, by their outermost element: what they are, in words."""
 
 
 def read_source(
@@ -41,6 +55,7 @@ def read_source(
         InvalidModel: the file cannot be read, is too large, is no XML, declares entities, or contains no robot.
     """
     options = options or ImportOptions()
+    # The text is kept, as xacro needs it unparsed.
     text = xml_text(path, report)
     robot, comments = parse_tree(text, report)
     if _is_xacro(robot, path):
@@ -49,26 +64,33 @@ def read_source(
         if _is_xacro(robot, path):
             raise report.refusal(
                 "",
-                message("importer.still_xacro", "still holds xacro elements after its expansion"),
+                message(
+                    "importer.still_xacro", "still contains xacro elements after its expansion"
+                ),
             )
-        report.add("read", "", message("importer.xacro_expanded", "xacro, expanded"))
+        report.add(
+            "read",
+            "",
+            message("importer.xacro_expanded", "the macros of the xacro file are expanded"),
+        )
     if robot.tag == "sdf":
         return read_sdf(robot, path.absolute(), options, report)
     if robot.tag != "robot":
+        # An element that the core does not read may belong to an extension, such as <mujoco>.
         importer = _importer_of(robot.tag, report)
         if importer is None:
             raise report.refusal(f"<{robot.tag}>", _wrong_element(robot.tag))
         return importer.robot_element(robot, path.absolute(), options, report)
     _report_hidden_elements(comments, report)
+    # Only a URDF is cleaned: importers of other formats know all of their names.
     _remove_foreign_names(robot, report)
     return robot
 
 
 def _wrong_element(tag: str) -> str:
     """Sentence about a file whose outermost element is not ``robot``, with its format if that is known."""
-    formats = read_yaml(Path(__file__).with_name("other_formats.yaml"))
-    kind = formats.get(tag)
-    if kind:
+    kind = _OTHER_FORMATS.get(tag)
+    if kind is not None:
         return message("importer.urdf_needed", "this is {kind}; a URDF is needed", kind=kind)
     return message("robots.outermost_robot", "the outermost element of a URDF must be <robot>")
 
@@ -80,6 +102,7 @@ def _report_hidden_elements(comments: list[str], report: ImportReport) -> None:
     for comment in comments:
         tags = _HIDDEN_TAG.findall(comment)
         tag_counts.update(tags)
+        # A comment counts once, however many elements it hides.
         hiding_count += bool(tags)
     if not hiding_count:
         return
@@ -91,7 +114,7 @@ def _report_hidden_elements(comments: list[str], report: ImportReport) -> None:
         "",
         message(
             "importer.comments_hide",
-            "{count} comment(s) hide elements ({elements}); they are ignored",
+            "{count} {count:comment contains|comments contain} elements ({elements}), which are ignored",
             count=hiding_count,
             elements=join_texts(listed, ", "),
         ),
@@ -114,6 +137,7 @@ def _importer_of(tag: str, report: ImportReport) -> RobotImporter | None:
         raise report.refusal(
             "", message("importer.cannot_be_read", "cannot be read: {problem}", problem=problem)
         ) from problem
+    # Importers of other things than robots are used by `simrob import` alone.
     return importer if isinstance(importer, RobotImporter) else None
 
 
@@ -154,7 +178,7 @@ def _remove_foreign_names(robot: ET.Element, report: ImportReport) -> None:
             name,
             message(
                 "importer.namespace_unused",
-                "{count} ×: of a namespace that no simulation uses",
+                "{count} ×: belongs to a namespace of another program",
                 count=count,
             ),
         )

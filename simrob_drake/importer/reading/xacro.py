@@ -46,6 +46,7 @@ _UNDEFINED = re.compile(r"Undefined substitution argument '?([\w.-]+)")
 
 _LINK = re.compile(r"<link[\s/>]")
 
+# The process may ask for `**/*`: the answer must be bounded as all others are.
 _MOST_LISTED = 200
 """Largest count of files that a pattern with wildcards finds."""
 
@@ -83,12 +84,14 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
         raise report.refusal(
             "", lacking(message("importer.is_xacro", "is a xacro file, which"), "xacro")
         )
+    # The confined process has no working folder that would give a relative path a meaning.
     path = path.absolute()
     border = Border(path, options.mesh_path, options.package_folders)
     files = _Files({str(path): text}, border, report)
     arguments = _arguments(options, report)
 
     # An argument may be used before it is declared, which xacro refuses. It then gets the default that follows later.
+    # Each turn gives one more argument a value, so the loop ends.
     while True:
         attempt = _try_expansion(path, arguments, files)
         offers = outline(files.texts.values(), files.package)
@@ -98,7 +101,7 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
         arguments[late_argument] = str(offers.arguments[late_argument])
         sentence = message(
             "importer.declared_after_use",
-            "{argument}:={value}, which the file declares after its first use",
+            "{argument}:={value}; the file declares this default after the first use of the argument",
             argument=late_argument,
             value=arguments[late_argument],
         )
@@ -108,26 +111,30 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
     if offers.arguments:
         summary = message(
             "importer.xacro_arguments",
-            "arguments, given with --xacro-arg NAME:=VALUE: {summary}",
+            "arguments, which --xacro-arg NAME:=VALUE sets: {summary}",
             summary=offers.summary(),
         )
     if attempt.problem:
         refusal: str = message(
             "importer.xacro_cannot_expand",
-            "xacro cannot expand it: {problem}",
+            "xacro cannot expand the file: {problem}",
             problem=attempt.problem,
         )
         raise report.refusal("", join_texts([refusal, summary], "; ") if summary else refusal)
     urdf = str(attempt.result["urdf"])
+    # A file of macros alone expands to an empty robot. The user needs the file that calls them.
     if offers.macros and not _LINK.search(urdf):
         raise report.refusal("", _only_macros(offers.macros, files.border.root))
     if summary:
         report.add("read", "", summary)
+    # The sentences come from the file, and may be of any length.
     for sentence in attempt.result["messages"]:
         report.add(
             "read",
             "",
-            message("importer.file_says", "the file says: {text}", text=shortened(sentence, 400)),
+            message(
+                "importer.file_says", "message of the file: {text}", text=shortened(sentence, 400)
+            ),
         )
     return urdf
 
@@ -136,6 +143,7 @@ def _try_expansion(path: Path, arguments: dict[str, str], files: "_Files") -> _A
     """Expand a xacro file with values of arguments, in a process of its own."""
     job = {"file": str(path), "arguments": arguments}
     try:
+        # xacro runs where a file cannot do any harm, even if it gets around the checks of its expressions.
         result = in_child(_EXPANSION, job, files.answer, files.report, seconds=TIME_LIMIT)
     except ChildFailed as failure:
         return _Attempt({}, message_of(failure))
@@ -152,6 +160,7 @@ def _argument_declared_late(problem: str, offers: "Outline") -> str:
     found = _UNDEFINED.match(problem)
     if found is None:
         return ""
+    # The argument may be declared after its use, and then has a default here.
     default = offers.arguments.get(found[1])
     # A default with $ has to be expanded itself, which only xacro can do.
     return found[1] if default is not None and "$" not in default else ""
@@ -183,6 +192,7 @@ class _Files:
             the value under ``found``, or a reason under ``missing`` if a file does not exist, or under ``refused`` if
             it may not or cannot be read.
         """
+        # A request of any other kind is refused by a KeyError: the file may control the process.
         finders = {
             "package": lambda name: str(self.package(name)),
             "files": self._matching_files,
@@ -191,6 +201,7 @@ class _Files:
         }
         try:
             return {"found": finders[asked](about)}
+        # Not refused: xacro continues without a missing file if its include is optional.
         except FileNotFoundError as problem:
             return {"missing": problem.strerror}
         except (LookupError, InvalidModel) as problem:  # their messages contain the name already
@@ -218,6 +229,7 @@ class _Files:
             OutsideBorder: it may not be read.
             FileNotFoundError: it does not exist.
         """
+        # The border is checked before the existence, so that a file cannot find out what exists elsewhere.
         path = self.border.readable(Path(name))
         if not exists(path):
             raise FileNotFoundError(errno.ENOENT, "No such file or directory")
@@ -225,12 +237,14 @@ class _Files:
 
     def _xml(self, name: str) -> str:
         """Text of an XML file. It is kept, because the outline of the xacro file is made from it."""
+        # A file may be included many times. Its repairs are reported once.
         if name not in self.texts:
             self.texts[name] = read_included(xml_text, self._file(name), self.report)
         return self.texts[name]
 
     def _matching_files(self, pattern: str) -> list[str]:
         """Paths of the files in one folder whose names fit a pattern with wildcards."""
+        # Only the name may have wildcards. The folder is checked as it is.
         folder, name_pattern = os.path.split(pattern)
         names = fnmatch.filter(sorted_entries(self.border.readable(Path(folder))), name_pattern)
         return [os.path.join(folder, name) for name in names[:_MOST_LISTED]]
@@ -268,7 +282,7 @@ def _only_macros(macros: Mapping[str, str], package: Path) -> str:
     listed = ", ".join(f"{name}({parameters})" for name, parameters in macros.items())
     summary: str = message(
         "importer.macros_for_others",
-        "holds no robot, but macros that others call: {macros}",
+        "contains no robot, only macros for other files: {macros}",
         macros=shortened(listed, 900),
     )
     found = [str(file.relative_to(package)) for file in callers(macros, package)]
@@ -276,12 +290,13 @@ def _only_macros(macros: Mapping[str, str], package: Path) -> str:
         return summary
     return message(
         "importer.called_by",
-        "{summary}; called by {found}",
+        "{summary}; files that call these macros: {found}",
         summary=summary,
         found=shortened(", ".join(found), 300),
     )
 
 
+# The outline is found by regular expressions, as files with errors or unusual parts have one, too.
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _TAG = re.compile(r"""<(xacro:[\w.:-]+)((?:\s+[\w:]+\s*=\s*(?:"[^"]*"|'[^']*'))*)""")
 """An element of xacro: its name, and its attributes."""
@@ -290,6 +305,7 @@ _ATTRIBUTE = re.compile(r"""([\w:]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 """An attribute: its name, and its value between double or single quotes."""
 
 _USED_ARGUMENT = re.compile(r"\$\(arg\s+([\w.-]+)\s*\)")
+# Bounded lengths keep the time of the search proportional to the length of the file.
 _EXPRESSION = re.compile(r"\$\{([^}]{1,500})\}|\$\(eval ([^)]{1,500})\)")
 _PATH = re.compile(r"""\$\(find\s+([\w.-]+)\s*\)/([^"'<>]*)""")
 """A path in a package: the name of the package, and the path from there."""
@@ -302,10 +318,15 @@ _ANYTHING = "[^/]*"
 _MOST_CHOICES = 30
 """Largest count of known values of an argument."""
 
-# Limits of the search in a file and in its package. Large packages would take very long.
-_MOST_VARIABLES = 3  # in a path
+# Limits of the search in a file and in its package. The search is a help for the user, and must not take long.
+_MOST_VARIABLES = 3
+"""Largest count of variable parts in a path. Each of them multiplies the files to look at."""
+
 _MOST_FILES = 1000
+"""Largest count of files of a package that are looked at."""
+
 _MOST_EXPRESSIONS = 20_000
+"""Largest count of expressions that are searched for comparisons."""
 
 _LONGEST_SUMMARY = 900
 """Largest count of characters of the summary of arguments."""
@@ -353,6 +374,7 @@ class Outline:
         """
 
         def rank(name: str) -> tuple[bool, bool]:
+            # False sorts before True: an argument that must be given comes first.
             has_default = self.arguments[name] is not None
             return has_default, name not in self.choices
 
@@ -361,12 +383,12 @@ class Outline:
             default = self.arguments[name]
             part = f"{name}:={default}"
             if default is None:
-                part = message("importer.argument_needed", "{name} (needed)", name=name)
+                part = message("importer.argument_needed", "{name} (required)", name=name)
             if name in self.choices:
                 choices = ", ".join(self.choices[name])
                 part = message(
                     "importer.argument_known",
-                    "{part} (known: {choices})",
+                    "{part} (known values: {choices})",
                     part=part,
                     choices=choices,
                 )
@@ -381,6 +403,7 @@ def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:
         texts: texts of the file and of the files that it includes, its own first.
         find: function that returns the folder of a package, or raises LookupError.
     """
+    # An element in a comment is not there for xacro either.
     own_text, *included_texts = map(_without_comments, texts)
     whole_text = "".join((own_text, *included_texts))
     elements = list(_elements(whole_text))
@@ -390,10 +413,12 @@ def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:
     for element in elements:
         if element.tag == "xacro:arg" and "name" in element.attributes:
             arguments[element.attributes["name"]] = element.attributes.get("default", "")
+    # An argument that is used and declared nowhere has no default: the user must give it.
     for name in _USED_ARGUMENT.findall(own_text):
         arguments.setdefault(name, None)
 
     macros = {}
+    # Macros of included files are not what this file offers.
     for element in _elements(own_text):
         if element.tag == "xacro:macro" and "name" in element.attributes:
             macros[element.attributes["name"]] = ", ".join(
@@ -409,17 +434,20 @@ def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:
         for path in paths:
             values += _values_in_path(path, names, find)
         if values:
+            # Sorted, so that the same file always gives the same text.
             choices[argument] = sorted(dict.fromkeys(values))[:_MOST_CHOICES]
     return Outline(macros, arguments, choices)
 
 
 def callers(macros: Iterable[str], folder: Path) -> list[Path]:
     """Find the xacro files in a folder and below that call one of some macros and define no macros themselves."""
+    # A macro is called by an element of its name.
     calls = re.compile(rf"<xacro:(?:{'|'.join(map(re.escape, macros))})[\s/>]")
     found = []
     for file in islice(folder.rglob("*.xacro"), _MOST_FILES):
         with suppress(NotRead):
             text = text_of(file)
+            # A file with macros of its own is likely a part of a robot, too.
             if calls.search(text) and "<xacro:macro" not in text:
                 found.append(file)
     return sorted(found)
@@ -437,6 +465,7 @@ def _elements(text: str) -> Iterator[_Element]:
     for tag in _TAG.finditer(text):
         attributes = {}
         for name, double_quoted, single_quoted in _ATTRIBUTE.findall(tag[2]):
+            # In XML, quotes and & within an attribute are written as &quot; and &amp;.
             attributes[name] = html.unescape(double_quoted or single_quoted)
         yield _Element(tag[1], attributes)
 
@@ -455,6 +484,7 @@ def _other_names(argument: str, elements: Iterable[_Element]) -> Iterator[str]:
 def _comparisons(text: str) -> Iterator[_Comparison]:
     """Yield the comparisons of names with texts in the expressions of a xacro file."""
     for bracket_text, eval_text in islice(_EXPRESSION.findall(text), _MOST_EXPRESSIONS):
+        # One of the two texts is empty, as the expression has one form or the other.
         expression = html.unescape(bracket_text or eval_text).strip()
         # Expressions that are not valid are reported by xacro itself.
         with suppress(SyntaxError, ValueError, RecursionError, MemoryError):
@@ -492,18 +522,21 @@ def _values_in_path(
         names: names of the variable part: an argument, and the properties and parameters that get its value.
         find: function that returns the folder of a package, or raises LookupError.
     """
-    is_own = [(argument or name) in names for argument, name in _VARIABLE.findall(path.path)]
-    if True not in is_own or ".." in path.path or len(is_own) > _MOST_VARIABLES:
+    # For each variable part of the path: whether it is the one whose values are sought.
+    is_sought = [(argument or name) in names for argument, name in _VARIABLE.findall(path.path)]
+    # A path with ".." leaves the package, and may leave the folders that may be read.
+    if True not in is_sought or ".." in path.path or len(is_sought) > _MOST_VARIABLES:
         return
     # The expression has two groups, so a split returns a fixed part, two names, the next fixed part, and so on.
     fixed_parts = _VARIABLE.split(path.path)[::3]
-    slots = [_ANYTHING] * len(is_own)
-    slots[is_own.index(True)] = _CHOICE
+    slots = [_ANYTHING] * len(is_sought)
+    slots[is_sought.index(True)] = _CHOICE
     # There is one fixed part more than variable parts.
     pairs = zip(fixed_parts, [*slots, ""], strict=True)
     pattern = re.compile("".join(re.escape(part) + slot for part, slot in pairs))
     # In the pattern for the search of files, "?" stands for characters that have a meaning in such patterns.
     wildcards = "*".join(re.sub(r"[*?\[\]]", "?", part) for part in fixed_parts)
+    # Two variable parts without a text between them would become "**", which means all folders below.
     wildcards = re.sub(r"\*+", "*", wildcards)
     with suppress(LookupError, OSError, ValueError, NotImplementedError):
         folder = find(path.package)

@@ -12,10 +12,9 @@ import codecs
 import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping
-from os.path import (
-    exists,
-    isdir,
-)  # unlike Path's methods, they are false for names that no file can have
+
+# Unlike Path's methods, these functions are false for names that no file can have.
+from os.path import exists, isdir
 from pathlib import Path
 from typing import TypeVar
 from xml.parsers import expat
@@ -25,6 +24,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.robots.imports import ImportReport
 from simrob_drake.robots.urdf import DRAKE, LARGEST_URDF, MOST_TAGS
 
+# Writing a tree calls a function within itself for each level, and Python limits the depth of calls.
 MAX_DEPTH = 60
 """Largest depth of nested elements. A URDF has six levels."""
 
@@ -78,6 +78,7 @@ def xml_text(path: Path, report: ImportReport) -> str:
     Raises:
         InvalidModel: the file cannot be read, is too large, or is no text.
     """
+    # Bytes become text before anything else: a null in UTF-16 is no sign of a binary file.
     text = _decode(_file_content(path, report), report)
     if "\0" in text:
         raise report.refusal(
@@ -85,6 +86,7 @@ def xml_text(path: Path, report: ImportReport) -> str:
         )
     if not text.strip():
         raise report.refusal("", message("importer.is_empty", "is empty"))
+    # Counted in the text, before a tree is made of it, which takes much more memory.
     if text.count("<") > MOST_TAGS:
         raise report.refusal(
             "", message("robots.too_many_tags", "has more than {most} tags", most=MOST_TAGS)
@@ -102,6 +104,7 @@ def read_included(
         path: the included file.
         report: report of the including file. Entries about the included file get its name.
     """
+    # Errors name the included file, as they use the report that its reader gets.
     own_report = ImportReport(path)
     content = read(path, own_report)
     for entry in own_report.entries:
@@ -111,6 +114,7 @@ def read_included(
 
 def _remove_late_declaration(text: str, report: ImportReport) -> str:
     """Remove an XML declaration that does not stand at the beginning. The numbers of lines stay the same."""
+    # Parsers refuse such a file with an error that few users understand.
     late = _LATE_DECLARATION.match(text)
     if not late:
         return text
@@ -119,7 +123,7 @@ def _remove_late_declaration(text: str, report: ImportReport) -> str:
         "",
         message(
             "importer.xml_line_misplaced",
-            "<?xml ...?> is not at the beginning, as it must be; left out",
+            "the declaration <?xml ...?> is not at the beginning of the file; it is left out",
         ),
     )
     return text[: late.start(1)] + text[late.end(1) :]
@@ -141,10 +145,11 @@ def _repair_comments(text: str, report: ImportReport) -> str:
         "",
         message(
             "importer.comments_with_dashes",
-            "{count} comment(s) hold --, which XML forbids; mended",
+            "{count} {count:comment contains|comments contain} --, which XML forbids; replaced by spaces",
             count=bad_count,
         ),
     )
+    # Each character is replaced by one, so that errors name the line and column of the file.
     repaired = _COMMENT.sub(lambda found: f"<!--{found.group(1).replace('-', ' ')}-->", text[:end])
     return repaired + text[end:]
 
@@ -159,6 +164,7 @@ def _decode(content: bytes, report: ImportReport) -> str:
     Raises:
         InvalidModel: the content is no text of the encoding that its mark stands for.
     """
+    # A mark is certain. A declared encoding is often copied from another file.
     for mark, encoding in _ENCODING_OF_MARK:
         if content.startswith(mark):
             report.add(
@@ -166,11 +172,12 @@ def _decode(content: bytes, report: ImportReport) -> str:
                 "",
                 message(
                     "importer.byte_order_mark",
-                    "begins with a byte order mark ({encoding}); written without, in UTF-8",
+                    "begins with a byte order mark ({encoding}); converted to UTF-8 without a mark",
                     encoding=encoding.upper(),
                 ),
             )
             return _decode_by_trial(content.removeprefix(mark), (encoding,), report)
+    # Without a declaration, XML is UTF-8.
     declaration = _DECLARED_ENCODING.match(content)
     declared = declaration.group(1).decode("ascii") if declaration else "utf-8"
     # Latin-1 comes last, because it accepts all bytes.
@@ -195,7 +202,7 @@ def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportR
                 "",
                 message(
                     "importer.other_encoding",
-                    "is not {declared}, as it says or should be; read as {encoding}",
+                    "cannot be decoded as {declared}; read as {encoding}",
                     declared=expected,
                     encoding=encoding,
                 ),
@@ -205,7 +212,7 @@ def _decode_by_trial(content: bytes, encodings: tuple[str, ...], report: ImportR
         "",
         message(
             "importer.no_text_of_encoding",
-            "cannot be read as {encoding} text",
+            "cannot be decoded as {encoding}",
             encoding=expected.upper(),
         ),
     )
@@ -217,6 +224,7 @@ def _file_content(path: Path, report: ImportReport) -> bytes:
     Raises:
         InvalidModel: the file does not exist, is a folder, is too large, or cannot be read.
     """
+    # Users often name the folder of a robot. Python's own error does not say what to do.
     if isdir(path):
         raise report.refusal(
             "", message("importer.is_a_folder", "is a folder; name the URDF file in it")
@@ -266,6 +274,7 @@ class _Parser:
     def parse(self, text: str) -> tuple[ET.Element, list[str]]:
         """Parse the text. See :func:`parse_tree`."""
         parser = expat.ParserCreate()
+        # One piece of text for each element, and not one for each line.
         parser.buffer_text = True
         parser.StartElementHandler = self._start
         parser.EndElementHandler = self._end
@@ -297,6 +306,7 @@ class _Parser:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         """Begin an element: read the prefixes that it declares, and keep its other attributes."""
         prefixes = dict(self._prefixes[-1])
+        # xmlns attributes are no data. They would come out as attributes of the robot.
         kept_attributes = {}
         for name, value in attributes.items():
             if name.startswith("xmlns:"):
@@ -305,12 +315,13 @@ class _Parser:
                 kept_attributes[name] = value
         self._prefixes.append(prefixes)
 
+        # The list has an entry for each open element.
         if len(self._prefixes) > MAX_DEPTH:
             raise self._report.refusal(
                 "",
                 message(
                     "importer.nested_too_deep",
-                    "nests elements more than {depth} deep; a URDF has six levels",
+                    "has elements in more than {depth} levels; a URDF has six levels",
                     depth=MAX_DEPTH,
                 ),
             )
@@ -320,6 +331,7 @@ class _Parser:
 
     def _end(self, tag: str) -> None:
         """End an element."""
+        # The prefixes of an element apply to its end tag, too: they are removed afterwards.
         self._builder.end(self._full_name(tag))
         self._prefixes.pop()
 
@@ -328,6 +340,7 @@ class _Parser:
         prefix, colon, rest = name.partition(":")
         if not colon:
             return name
+        # A prefix of the name drake counts as Drake's without a declaration, as in Drake's own parser.
         known = self._prefixes[-1].get(prefix, "")
         if _DRAKE_PREFIX in (prefix, known):
             return DRAKE + rest
@@ -348,4 +361,5 @@ def _known_prefix(uri: str) -> str:
     """Prefix of a namespace: ``drake`` or ``xacro``, or empty for other namespaces."""
     if uri == DRAKE.strip("{}"):
         return _DRAKE_PREFIX
+    # Files declare xacro by several addresses, such as http://ros.org/wiki/xacro and http://www.ros.org/wiki/xacro.
     return _XACRO_PREFIX if "xacro" in uri else ""

@@ -48,23 +48,37 @@ SIMPLE = "SimpleTransmission"
 
 SAFETY = 3.0
 """Ratio of an estimated effort to the effort that holds the load against gravity."""
+
 REVOLUTE_ACCELERATION = 10.0
 """Acceleration [rad/s²] that estimated motors give to what they move, their own rotors included, while they hold it.
 A joint reaches half a turn a second, the speed of joints without a given speed, in a third of a second."""
+
 PRISMATIC_ACCELERATION = 5.0
 """Acceleration that estimated motors of prismatic joints give [m/s²]; half of gravity."""
-UNKNOWN_EFFORT = 10.0  # estimated effort if no mass is known [N·m or N]
-LEAST_TORQUE = 1.0  # least estimated effort of a revolute joint [N·m]
-LEAST_FORCE = 10.0  # least estimated effort of a prismatic joint [N]
-REVOLUTE_SPEED = math.pi  # default speed of a revolute joint [rad/s]
-PRISMATIC_SPEED = 1.0  # default speed of a prismatic joint [m/s]
-_SHARE_OF_STRONGEST = (
-    0.1  # least estimated effort, as a fraction of the strongest motor of the same robot
-)
-_LARGEST_EFFORT = 1e9  # bound of estimated efforts, which absurd masses would exceed [N·m or N]
-_LARGEST_REAL_EFFORT = (
-    1e5  # larger efforts of a file stand for "no limit" and say nothing of other motors [N·m or N]
-)
+
+UNKNOWN_EFFORT = 10.0
+"""Estimated effort if no mass is known [N·m or N]."""
+
+LEAST_TORQUE = 1.0
+"""Least estimated effort of a revolute joint [N·m]."""
+
+LEAST_FORCE = 10.0
+"""Least estimated effort of a prismatic joint [N]."""
+
+REVOLUTE_SPEED = math.pi
+"""Speed of a revolute joint whose file gives none [rad/s]."""
+
+PRISMATIC_SPEED = 1.0
+"""Speed of a prismatic joint whose file gives none [m/s]."""
+
+_SHARE_OF_STRONGEST = 0.1
+"""Least estimated effort, as a fraction of the strongest motor of the same robot."""
+
+_LARGEST_EFFORT = 1e9
+"""Bound of estimated efforts, which absurd masses would exceed [N·m or N]."""
+
+_LARGEST_REAL_EFFORT = 1e5
+"""Larger efforts of a file mean "no limit". They do not count when other motors are estimated [N·m or N]."""
 
 _LEAST_GEAR_VALUES = {"mechanicalReduction": -math.inf, "gear_ratio": 0.0, "rotor_inertia": 0.0}
 """Smallest value of the elements of an actuator that hold a number, by tag. A reduction may turn the joint's sense."""
@@ -74,13 +88,21 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
     """Give every joint that has a motor one simple transmission, an effort and a velocity, in place.
 
     Passive joints have no transmission, and the effort 0.
+
+    Args:
+        robot: the ``robot`` element, whose joints and inertias are repaired: efforts are estimated from masses.
+        options: options of the import, which may give the base.
+        report: gets an entry for each change.
     """
-    # names in file order; a dict finds each of thousands at once
+    # A dictionary keeps the names in file order and finds one of thousands at once, which a list would not.
     movable = dict.fromkeys(movable_joints(robot))
     driven = set[str]()  # names of the joints that have a motor
     for drive in list(robot.iterfind("transmission")):
+        # The first transmission of a joint gives it its motor, so `driven` grows from one to the next.
         driven.update(_repair_transmission(robot, drive, movable, driven, report))
+    # Transmissions that are left now are the file's own. The motors that are made below must not count.
     passive = _passive_joints(robot, driven)
+    # A joint with an effort of 0 may have a transmission, which would give it a motor.
     remove_motors(robot, passive)
     if passive:
         _make_passive(robot, passive, report)
@@ -93,9 +115,11 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
             "defaulted",
             message("importer.joints_called", "joints '{names}'", names=names),
             message(
-                "importer.motor_made_for_each", "no transmission drives them; a motor made for each"
+                "importer.motor_made_for_each",
+                "no transmission drives these joints; each of them gets a motor",
             ),
         )
+    # Names of motors are checked after new motors were made, since these may have the name of a given one.
     _rename_duplicate_motors(robot, report)
     _repair_efforts_and_speeds(robot, options, report, passive)
 
@@ -116,6 +140,7 @@ def _passive_joints(robot: ET.Element, driven: Collection[str]) -> list[str]:
     without_effort = {name for name, effort in efforts.items() if effort == 0}
     # Zeros that would leave the robot without any motor stand for unknown efforts, as CAD programs write them.
     if driven:
+        # At least one joint with a motor has an effort.
         are_zeros_meant = bool(set(driven) - without_effort)
     else:
         are_zeros_meant = any(effort is not None and effort > 0 for effort in efforts.values())
@@ -123,6 +148,7 @@ def _passive_joints(robot: ET.Element, driven: Collection[str]) -> list[str]:
     passive = []
     for joint in joints:
         name = name_of(joint)
+        # A file without any transmission does not describe motors by them.
         has_no_transmission = bool(driven) and name not in driven
         has_no_effort = are_zeros_meant and name in without_effort
         if (has_no_transmission or has_no_effort) and joint.find(FOLLOWS) is None:
@@ -147,8 +173,8 @@ def _make_passive(robot: ET.Element, passive: Collection[str], report: ImportRep
         message("importer.joints_called", "joints '{names}'", names="', '".join(passive)),
         message(
             "importer.passive",
-            "passive: the file gives motors to other joints, and none to these. A station gives them motors by"
-            " servo.passive: [] and servo.torque_limit",
+            "passive: the file gives motors to other joints only. To drive these joints, set "
+            "servo.passive: [] and servo.torque_limit in a station",
         ),
     )
 
@@ -169,7 +195,7 @@ def _rename_duplicate_motors(robot: ET.Element, report: ImportReport) -> None:
                     ),
                     message(
                         "importer.second_motor",
-                        "a second motor called '{name}'; '{new}'",
+                        "a second motor has the name '{name}'; renamed to '{new}'",
                         name=name,
                         new=new,
                     ),
@@ -197,12 +223,14 @@ def _repair_transmission(
     """
     where = message("importer.transmission_called", "transmission '{name}'", name=name_of(drive))
     actuators = drive.findall("actuator")
-    # each name once
+    # Each name once: some files repeat a joint in its transmission.
     joints = list(dict.fromkeys(name_of(joint).strip() for joint in drive.iterfind("joint")))
     new_joints = [joint for joint in joints if joint in movable and joint not in driven]
+    # Such a transmission stays as it is, with its own name and that of its motor.
     if _is_read_by_drake(drive) and new_joints == joints:
         _repair_gears(actuators[0], where, report)
         return new_joints
+    # Any other transmission is replaced by simple ones, or by nothing if its joints have motors already.
     robot.remove(drive)
     for index, joint in enumerate(new_joints):
         # If there are as many motors as joints, each joint keeps its motor with its gears.
@@ -211,6 +239,7 @@ def _repair_transmission(
             motor = add_motor(
                 robot, joint, drive=f"{joint}_drive", motor=name_of(old_motor).strip()
             )
+            # The gears: reduction, gear ratio and rotor inertia.
             motor.extend(list(old_motor))
         else:
             motor = add_motor(robot, joint, drive=f"{joint}_drive")
@@ -225,6 +254,7 @@ def _is_read_by_drake(drive: ET.Element) -> bool:
     """Whether Drake reads a transmission: a simple one with one joint, and one motor with a name."""
     kind = (drive.findtext("type") or "").strip()
     actuators = drive.findall("actuator")
+    # ROS writes the type with a name space: transmission_interface/SimpleTransmission.
     if not kind.endswith(SIMPLE) or len(actuators) != 1 or len(drive.findall("joint")) != 1:
         return False
     return bool(name_of(actuators[0]).strip())
@@ -233,7 +263,7 @@ def _is_read_by_drake(drive: ET.Element) -> bool:
 def _reason(
     drive: ET.Element, joints: list[str], new_joints: list[str], movable: Collection[str]
 ) -> str:
-    """Say in words why a transmission was replaced or removed.
+    """Describe why a transmission was replaced or removed.
 
     Args:
         drive: the transmission.
@@ -246,13 +276,13 @@ def _reason(
     if not new_joints:
         have_motors = all(joint in movable for joint in joints)
         problem = (
-            message("importer.has_motor_already", "has a motor already")
+            message("importer.has_motor_already", "another transmission drives this already")
             if have_motors
-            else message("importer.is_no_moving_joint", "is no joint that moves")
+            else message("importer.is_no_moving_joint", "this is not a joint that moves")
         )
         return message(
             "importer.joints_with_problem",
-            "'{joints}' {problem}",
+            "'{joints}': {problem}",
             joints=", ".join(joints),
             problem=problem,
         )
@@ -270,18 +300,20 @@ def _reason(
     kind = _transmission_type(drive)
     if not kind:
         return message(
-            "importer.without_type", "has no type; {replacement}", replacement=replacement
+            "importer.without_type",
+            "has no type; replaced by {replacement}",
+            replacement=replacement,
         )
     if not kind.endswith(SIMPLE):
         return message(
             "importer.type_not_simulated",
-            "its type is '{kind}', which Drake does not simulate; {replacement}",
+            "has the type '{kind}', which Drake does not simulate; replaced by {replacement}",
             kind=kind,
             replacement=replacement,
         )
     return message(
         "importer.written_as_drake_reads",
-        "written as Drake reads it; {replacement}",
+        "does not have the form that Drake reads; replaced by {replacement}",
         replacement=replacement,
     )
 
@@ -303,7 +335,7 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
         report: report of the import.
     """
     for gear in list(actuator):
-        # Drake's own elements have its prefix, and their number is an attribute
+        # Drake's own elements have its name space, and their number is an attribute.
         tag = gear.tag.removeprefix(DRAKE)
         if tag not in _LEAST_GEAR_VALUES:
             continue
@@ -323,7 +355,7 @@ def _repair_gears(actuator: ET.Element, where: str, report: ImportReport) -> Non
                 where,
                 message(
                     "importer.no_number_of_motor",
-                    "its {tag} is no number that a motor can have",
+                    "its <{tag}> is not a number that a motor can have",
                     tag=tag,
                 ),
             )
@@ -342,12 +374,14 @@ def _repair_efforts_and_speeds(
     """
     loads = _loads(robot)
     rotors = _rotor_inertias(robot)
-    base, _ = find_base(robot, options)
+    base = find_base(robot, options).base
+    # The load on the root link is the whole robot.
     floating_mass = loads[root_link(robot)].mass if base == "floating" else 0.0
     for name, (effort, mass) in doubtful_efforts(robot).items():
         text = message(
             "importer.doubtful_effort",
-            "effort {effort:g} N·m for a link of {mass:.3g} kg is doubtful: no motor of its size has it",
+            "an effort of {effort:g} N·m is doubtful for a link of {mass:.3g} kg; correct this limit "
+            "if it is a placeholder",
             effort=effort,
             mass=mass,
         )
@@ -355,7 +389,9 @@ def _repair_efforts_and_speeds(
             "open", message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name), text
         )
     movable = [joint for joint in robot.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]
+    # Passive joints keep their effort of 0, and no speed limit.
     with_motor = [joint for joint in movable if name_of(joint) not in passive]
+    # Torques [N·m] and forces [N] cannot be compared, so the two types of joints are estimated apart.
     revolute = [joint for joint in with_motor if joint.get("type") != "prismatic"]
     prismatic = [joint for joint in with_motor if joint.get("type") == "prismatic"]
     _repair_efforts(revolute, LEAST_TORQUE, loads, rotors, floating_mass, report)
@@ -375,6 +411,7 @@ def _repair_speeds(
         unit: unit of the speed, for the report.
         report: report of the import.
     """
+    # Exporters write a speed of 0 for an unknown one.
     slow = [joint for joint in joints if (number(joint.find("limit"), "velocity") or 0.0) <= 0]
     for joint in slow:
         child_of(joint, "limit").set("velocity", format_number(speed))
@@ -385,7 +422,7 @@ def _repair_speeds(
             message("importer.limit_of_joints", "joints '{names}' <limit>", names=names),
             message(
                 "importer.no_velocity",
-                "no velocity above 0; {speed:.4g} {unit}",
+                "no velocity above 0; set to {speed:.4g} {unit}",
                 speed=speed,
                 unit=unit,
             ),
@@ -431,6 +468,7 @@ def _repair_efforts(
     estimates = []
     for joint in without_effort:
         load = loads[link_of(joint, "child")]
+        # All estimates come first: the least effort below depends on the strongest motor, which may be estimated.
         estimates.append(_estimate_effort(joint, load, rotors[name_of(joint)], floating_mass))
     # A motor is not weaker than a fraction of the robot's other motors of the same kind.
     shares = [
@@ -443,19 +481,17 @@ def _repair_efforts(
         rotor = rotors[name_of(joint)]
         is_mass_known = loads[link_of(joint, "child")].mass > 0 or rotor > 0
         if not is_mass_known:
-            why = message("importer.guess_without_mass", "a guess, for no mass is known")
+            why = message("importer.guess_without_mass", "a guess, as no mass is given")
         elif estimate < least:
-            why = message(
-                "importer.least_of_other_motors", "the least beside the robot's other motors"
-            )
+            why = message("importer.least_of_other_motors", "the minimum for a motor of this robot")
         elif rotor:
             why = message(
                 "importer.by_carried_and_armature",
-                "by what it carries and its armature of {rotor:.3g}",
+                "estimated from its load and its rotor inertia of {rotor:.3g}",
                 rotor=rotor,
             )
         else:
-            why = message("importer.by_carried", "by what it carries")
+            why = message("importer.by_carried", "estimated from its load")
         _set_effort(joint, max(estimate, least), why, report)
 
 
@@ -484,10 +520,12 @@ def _loads(robot: ET.Element) -> Mapping[str, _Load]:
     root = root_link(robot)
     order = [root, *(link_of(joint, "child") for joint in outward(joints_of_link, root))]
     loads: dict[str, _Load] = {}
+    # From the tips to the root, so that the loads behind a link's joints are known.
     for link in reversed(order):
         mass = mass_of(links[link])
         reach = _offset(links[link].find("inertial"))
         moment = mass * reach
+        # Parallel axis theorem for the link itself: m r² + I.
         inertia = moment * reach + _largest_moment(links[link])
         for joint in joints_of_link[link]:
             load = loads[link_of(joint, "child")]
@@ -540,7 +578,9 @@ def _estimate_effort(joint: ET.Element, load: _Load, rotor: float, floating_mass
     """
     if not load.mass and not rotor:
         return UNKNOWN_EFFORT
+    # A stance leg pushes the rest of the robot, which is at the far end of the joint's load.
     rest_mass = max(floating_mass - load.mass, 0.0)
+    # Newton's law for a prismatic joint, F = m g and F = m a, and for a revolute one, T = m g r and T = I alpha.
     if joint.get("type") == "prismatic":
         holding = STANDARD_GRAVITY * load.mass
         accelerating = (rotor + load.mass) * PRISMATIC_ACCELERATION
@@ -562,10 +602,11 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
         report: report of the import.
     """
     bounded = min(effort, _LARGEST_EFFORT)
-    # value of a 1 at the second significant digit
+    # Value of a 1 at the second significant digit, such as 10 for 345.
     second_digit = 10.0 ** (math.floor(math.log10(bounded)) - 1)
-    # the inner rounding removes rounding errors
+    # The inner rounding removes rounding errors: 0.28 / 0.01 is 28.000000000000004, not 28.
     digits = math.ceil(round(bounded / second_digit, 6))
+    # The text has two digits again: the product may have rounding errors.
     rounded = float(f"{digits * second_digit:.2g}")
     limit = child_of(joint, "limit")
     old_text = limit.get("effort")
@@ -575,7 +616,7 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
         message("importer.has_no_effort", "has no effort")
         if old_text is None
         else message(
-            "importer.effort_would_not_move", "effort {effort} would not move it", effort=old_text
+            "importer.effort_would_not_move", "effort {effort} is not positive", effort=old_text
         )
     )
     report.add(
@@ -583,7 +624,7 @@ def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport
         message("robots.limit_of_joint", "joint '{joint}' <limit>", joint=name_of(joint)),
         message(
             "importer.new_effort",
-            "{problem}; {effort:g} {unit}, {why}",
+            "{problem}; set to {effort:g} {unit}, {why}",
             problem=problem,
             effort=rounded,
             unit=unit,

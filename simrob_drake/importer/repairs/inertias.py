@@ -14,7 +14,7 @@ from pydrake.math import RigidTransform
 from pydrake.multibody.tree import RotationalInertia, SpatialInertia
 
 from simrob_drake.base.frames import Vector
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.importer.repairs.base import find_base
 from simrob_drake.importer.repairs.structure import number
 from simrob_drake.robots.bodies import bodies, carriers, links_without_inertia
@@ -97,9 +97,11 @@ def repair_inertias(
         report: gets an entry for each repair, each body without inertia, and each inertia that looks wrong.
     """
     removed = _remove_impossible_inertias(robot, report)
+    # Points of mass are possible inertias, which the first step leaves.
     removed |= _remove_points_on_axes(robot)
 
     carrier_of = carriers(robot)
+    # Bodies in which a link still has a mass after the removals.
     bodies_with_mass = {
         carrier_of[name_of(link)] for link in robot.iterfind("link") if mass_of(link) > 0
     }
@@ -107,6 +109,7 @@ def repair_inertias(
         inertia = removed.get(name_of(link))
         if inertia is None:
             continue
+        # The user's wish comes first. Without it no number is made up, except for a point of mass.
         if options.estimate_inertia:
             replacement = _estimate(link, inertia, folder, options.density)
         elif (
@@ -119,9 +122,12 @@ def repair_inertias(
         else:
             replacement = _Replacement("dropped", message("importer.left_out", "; left out"))
         element = message("robots.inertial_of_link", "link '{link}' <inertial>", link=name_of(link))
-        report.add(replacement.kind, element, f"{inertia.problem}{replacement.text}")
+        # Joined as messages: an f-string would keep the English words only.
+        report.add(replacement.kind, element, join_texts([inertia.problem, replacement.text], ""))
 
+    # Bodies are looked at after single links: a link without inertia may be welded to one that has it.
     _repair_bodies_without_inertia(robot, folder, options, report)
+    # Inertias that are possible, but not plausible, stay as they are. The user decides.
     for where, doubt in robot_doubts(robot, folder):
         report.add("read", where, doubt)
 
@@ -130,14 +136,16 @@ def _repair_bodies_without_inertia(
     robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport
 ) -> None:
     """Estimate the inertia of bodies that need one and have none, or report them. See :func:`repair_inertias`."""
-    is_floating = find_base(robot, options)[0] == "floating"
+    # A root that is fixed to the world needs no inertia.
+    is_floating = find_base(robot, options).base == "floating"
     for name in links_without_inertia(robot, floating=is_floating):
         if options.estimate_inertia:
             _estimate_body(name, bodies(robot)[name], folder, options.density, report)
             continue
         problem = message(
             "importer.no_usable_inertia",
-            "has no usable inertia: dynamic stations refuse this robot; estimate it with --estimate-inertia",
+            "has no usable inertia, so dynamic stations refuse this robot; write one, or estimate it "
+            "with --estimate-inertia",
         )
         report.add("open", message("robots.link_called", "link '{link}'", link=name), problem)
 
@@ -178,6 +186,7 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
 
     has_moments = inertia.moments is not None and inertia.moments.any()
     if not inertia.mass and not has_moments:
+        # An incomplete <inertial> is removed. One with zeros in both elements is kept: it means a link without mass.
         if inertial.find("mass") is None or inertial.find("inertia") is None:
             link.remove(inertial)
             report.add(
@@ -189,6 +198,7 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
     if not problem:
         return None
     corrected = None
+    # Without a mass or without moments there is nothing that a small correction could make right.
     if inertia.mass > 0 and inertia.moments is not None:
         corrected = correct_rounding(inertia.moments)
     if corrected is None:
@@ -202,7 +212,7 @@ def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | No
         where,
         message(
             "importer.by_rounding",
-            "{problem}; this is a rounding error: {moments}",
+            "{problem}; corrected as a rounding error: {moments}",
             problem=problem,
             moments=listed,
         ),
@@ -224,17 +234,22 @@ def correct_rounding(moments: Vector) -> Vector | None:
     """
     principal, axes = np.linalg.eigh(moments)  # in ascending order
     largest = float(np.abs(principal).max())
+    # The first condition, I1 >= 0.
     corrected = np.maximum(principal, 0.0)
+    # The second condition, I3 <= I1 + I2.
     excess = float(corrected[2] - corrected[0] - corrected[1])
+    # The larger of the two violations decides whether this is rounding.
     error = max(-float(principal[0]), excess)
     if error > ROUNDING * largest:
         return None
     # The margin keeps the moments possible when they are written with few digits and read again.
     margin = _MARGIN * largest
     corrected += np.array([1.0, 1.0, -1.0]) * (max(excess, 0.0) + margin) / 3 + margin
+    # Back from the principal axes to the axes of the link.
     result = axes @ np.diag(corrected) @ axes.T
     if impossible(result):
         return None
+    # The product is symmetric up to rounding only.
     return np.asarray((result + result.T) / 2)
 
 
@@ -247,7 +262,9 @@ def _replace_by_point(link: ET.Element, inertia: _Inertial) -> _Replacement:
     _write(link, point)
     return _Replacement(
         "defaulted",
-        message("importer.point_of_mass", "; a point of {mass:g} kg", mass=inertia.mass),
+        message(
+            "importer.point_of_mass", "; replaced by a point mass of {mass:g} kg", mass=inertia.mass
+        ),
     )
 
 
@@ -267,13 +284,14 @@ def _estimate(
     """
     estimate = inertia_of_shapes(link, folder, density)
     if estimate is not None and inertia.mass > 0:
+        # The unit inertia, moments per mass, stays: the mass is distributed like the volume of the shapes.
         scaled = SpatialInertia(inertia.mass, estimate.get_com(), estimate.get_unit_inertia())
         whole = message(
             "importer.scaled_to_mass", "scaled to its mass of {mass:g} kg", mass=inertia.mass
         )
         text = message(
             "importer.estimated_and_scaled",
-            "; estimated: {inertia} of its shapes, {scaled}",
+            "; estimated from its shapes: {inertia}, {scaled}",
             inertia=_write(link, scaled),
             scaled=whole,
         )
@@ -281,20 +299,25 @@ def _estimate(
     if estimate is not None:
         text = message(
             "importer.estimated",
-            "; estimated: {inertia} of its shapes",
+            "; estimated from its shapes: {inertia}",
             inertia=_write(link, estimate),
         )
         return _Replacement("defaulted", text)
     if inertia.mass > 0:
+        # The ball has its centre at the centre of mass, while a link's inertia is about the link's origin.
         ball = _ball(inertia.mass, density).Shift(-inertia.place.translation())
         text = message(
             "importer.estimated_as_ball",
-            "; and it has no shape; a ball: {inertia}",
+            "; estimated as a ball, as the link has no shape: {inertia}",
             inertia=_write(link, ball),
         )
         return _Replacement("defaulted", text)
     return _Replacement(
-        "dropped", message("importer.without_shape_left_out", ", and it has no shape; left out")
+        "dropped",
+        message(
+            "importer.without_shape_left_out",
+            "; left out, as the link has no shape for an estimate",
+        ),
     )
 
 
@@ -318,7 +341,7 @@ def _estimate_body(
         has_shapes = True
         text = message(
             "importer.estimated_at_density",
-            "has no inertia; estimated: {inertia} of its shapes at {density:g} kg/m³",
+            "has no inertia; estimated from its shapes at {density:g} kg/m³: {inertia}",
             inertia=_write(link, estimate),
             density=density,
         )
@@ -327,6 +350,7 @@ def _estimate_body(
         )
     if has_shapes:
         return
+    # Only the carrier becomes a ball: one inertia is enough for the body.
     link = next(link for link in links if name_of(link) == carrier)
     ball = _write(link, _ball(SMALL_MASS, density))
     report.add(
@@ -334,7 +358,7 @@ def _estimate_body(
         message("robots.link_called", "link '{link}'", link=carrier),
         message(
             "importer.small_ball",
-            "has neither inertia nor shape; a small ball: {inertia}",
+            "has neither inertia nor shape; estimated as a small ball: {inertia}",
             inertia=ball,
         ),
     )
@@ -348,6 +372,7 @@ def _write(link: ET.Element, inertia: SpatialInertia) -> str:
         inertia: the inertia about the origin of the link, in the link's axes.
     """
     com = inertia.get_com()
+    # A URDF gives moments about the centre of mass.
     moments = np.asarray(inertia.Shift(com).CalcRotationalInertia().CopyToFullMatrix3())
     if impossible(moments):
         # Moments of a thin shape may be impossible by rounding.
@@ -373,9 +398,11 @@ def _remove_points_on_axes(robot: ET.Element) -> dict[str, _Inertial]:
     bodies_with_joints = {carrier_of[link_of(joint, "parent")] for joint in moving_joints}
     joint_of_link = {link_of(joint, "child"): joint for joint in fixed_joints}
 
+    # Only the last body of a chain: any other turns the bodies behind it as well, whose inertia is enough.
     removed: dict[str, _Inertial] = {}
     for joint in robot.iterfind("joint"):
         body = link_of(joint, "child")
+        # A prismatic joint feels the mass itself, so a point is enough for it.
         if joint.get("type") not in ("revolute", "continuous") or body in bodies_with_joints:
             continue
         inertias = dict[str, _Inertial]()
@@ -424,6 +451,7 @@ def _is_on_axis(
         joint = joint_of_link[link]
         point = pose_of(joint) @ point
         link = link_of(joint, "parent")
+    # Distance of the point p from the line along the unit vector a: |p x a|.
     unit_axis = axis / np.linalg.norm(axis)
     distance = float(np.linalg.norm(np.cross(point, unit_axis)))
     return distance < _ON_AXIS

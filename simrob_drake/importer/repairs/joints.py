@@ -35,7 +35,9 @@ from simrob_drake.robots.urdf import (
 )
 from simrob_drake.robots.urdf_check import numbers_in
 
-_TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")  # of the URDF format
+_TYPES = (*MOVABLE_JOINTS, "fixed", "floating", "planar")
+"""Types of joints in the URDF format."""
+
 _OF_OTHER_FORMATS = (
     "revolute2",
     "screw",
@@ -45,28 +47,41 @@ _OF_OTHER_FORMATS = (
     "spherical",
     "cylindrical",
 )
+"""Types of joints in SDF and in other formats. They move in other ways than the types with similar names above."""
+
 _ADVICE = {
     "floating": message(
         "importer.only_root_floats",
-        "only the root of a robot can float; give its links joints that motors can move, or make it fixed",
+        "only the root of a robot can float; use joints that motors can drive, or a fixed joint",
     ),
     "planar": message(
         "importer.write_planar",
-        "write it as two prismatic joints and a revolute or continuous one, or make it fixed",
+        "write two prismatic joints and one revolute or continuous joint, or a fixed joint",
     ),
 }
-_DEFAULT_AXIS = "1 0 0"  # of the URDF format
+"""Advice for the types of joints that no motor can drive."""
 
-DEFAULT_STROKE = 1.0  # range of a prismatic joint without limits, to each side [m]
-_ROUNDING = 1e-4  # limits that differ by less were rounded [rad or m]
-_NO_DIRECTION = 1e-6  # a shorter axis vector has no direction
-_UNIT_LENGTH = (
-    1e-3  # an axis vector is a unit vector, up to rounding, if its length differs from 1 by less
-)
-_TYPE_LIKENESS = (
-    0.75  # least likeness of a misspelled type to a known one, from 0 to 1 (of difflib)
-)
+_DEFAULT_AXIS = "1 0 0"
+"""Axis of a joint whose file gives none, in the URDF format."""
+
+DEFAULT_STROKE = 1.0
+"""Range of a prismatic joint without limits, to each side [m]."""
+
+_ROUNDING = 1e-4
+"""Limits that differ by less are equal, up to the rounding of their file [rad or m]."""
+
+_NO_DIRECTION = 1e-6
+"""A shorter axis vector has no direction."""
+
+_UNIT_LENGTH = 1e-3
+"""An axis vector is a unit vector, up to rounding, if its length differs from 1 by less."""
+
+_TYPE_LIKENESS = 0.75
+"""Least likeness of a misspelled type to a known one, from 0 to 1, as ``difflib`` measures it."""
+
 _ACCELERATION = f"{DRAKE}acceleration"
+"""Attribute of a limit with the largest acceleration [rad/s² or m/s²]. It is an extension of Drake."""
+
 _FIXED_AT = "simrob_fixed_at"
 """Attribute of a joint that was fixed where its equal limits hold it [rad or m], until its followers are repaired."""
 
@@ -74,11 +89,18 @@ _FIXED_AT = "simrob_fixed_at"
 def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportReport) -> None:
     """Repair a robot's joints in place: types, axes, limits, dynamics and followers.
 
+    Args:
+        robot: the ``robot`` element, whose structure is repaired.
+        options: options of the import: what becomes of dry friction.
+        report: gets an entry for each change.
+
     Raises:
         InvalidModel: no motor can drive a joint, a repair is not possible, or no joint moves.
     """
+    # Types come first, as all later steps depend on them.
     for joint in robot.iterfind("joint"):
         _repair_type(joint, report)
+    # A floating joint at the root says that the base floats. Anywhere else it is refused below.
     _replace_floating_joint(robot, report)
     for joint in robot.iterfind("joint"):
         where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
@@ -88,18 +110,21 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
                 where,
                 message(
                     "importer.no_motor_can_drive",
-                    "is {kind}, which no motor can drive; {advice}",
+                    "has the type {kind}, which no motor can drive; {advice}",
                     kind=kind,
                     advice=_ADVICE[kind],
                 ),
             )
+        # A fixed joint has no axis and no limits that a simulation reads.
         if kind != "fixed":
             _repair_axis(joint, where, report)
             _repair_limits(joint, where, report)
             _repair_dynamics(joint, where, options, report)
+    # Followers come after the limits: a leader whose two limits are equal has become a fixed joint by now.
     _check_followers(robot, report)
     _fix_still_followers(robot, report)
     _report_followers(robot, report)
+    # Only followers that still move need wider limits.
     _widen_followers(robot, report)
     # Joints may have been fixed above, so this check comes late.
     if not movable_joints(robot):
@@ -107,9 +132,10 @@ def repair_joints(robot: ET.Element, options: ImportOptions, report: ImportRepor
             "",
             message(
                 "importer.no_moving_joint",
-                "has no joint that moves, so no motor could; a rigid thing is a piece, not a robot",
+                "has no joint that moves; a rigid object is a piece of a station (pieces:), not a robot",
             ),
         )
+    # The link of a floating joint at the root may have carried frames.
     drop_lost_frames(robot, report)
 
 
@@ -125,29 +151,31 @@ def _repair_type(joint: ET.Element, report: ImportReport) -> None:
         return
     plain = kind.strip().lower()
     similar = difflib.get_close_matches(plain, _TYPES, n=1, cutoff=_TYPE_LIKENESS)
+    # revolute2 of SDF, for example, has two axes. It is no misspelled revolute.
     if plain in _OF_OTHER_FORMATS or not similar:
         known = ", ".join((*MOVABLE_JOINTS, "fixed"))
         text = (
-            message("importer.its_type_is", "its type is '{kind}'", kind=kind)
+            message("importer.its_type_is", "has the type '{kind}'", kind=kind)
             if kind
-            else message("importer.it_has_no_type", "it has no type")
+            else message("importer.it_has_no_type", "has no type")
         )
         raise report.refusal(
             where,
             message(
                 "importer.types_of_joints",
-                "{problem}; a station's robot has joints of the types {known}",
+                "{problem}; the joints of a robot have the types {known}",
                 problem=text,
                 known=known,
             ),
         )
+    # Letters in the wrong case, blanks and typing errors are understood.
     joint.set("type", similar[0])
     report.add(
         "repaired",
         where,
         message(
             "importer.similar_type",
-            "its type is '{kind}'; {similar}",
+            "has the type '{kind}'; {similar} is used",
             kind=kind,
             similar=similar[0],
         ),
@@ -161,21 +189,24 @@ def _replace_floating_joint(robot: ET.Element, report: ImportReport) -> None:
     """
     child_links = {link_of(joint, "child") for joint in robot.iterfind("joint")}
     roots = [link for link in robot.iterfind("link") if name_of(link) not in child_links]
-    if not roots:  # the joints form a loop, which a later stage refuses
+    if not roots:
+        # The joints form a loop, which a later stage refuses.
         return
     root = roots[0]
     joints = joints_at(robot)[name_of(root)]
-    is_empty = len(root) == 0  # no inertia, no shapes
+    # A root link with an inertia or a shape is more than a name for the world, so it stays.
+    is_empty = len(root) == 0
     if len(joints) != 1 or joints[0].get("type") != "floating" or not is_empty:
         return
     joint = joints[0]
     robot.remove(joint)
     robot.remove(root)
+    # Without the joint nothing else in the robot shows that its base floats.
     robot.set(FLOATING_MARK, "floating")
     new_root = link_of(joint, "child")
     why = message(
         "importer.floats_below",
-        "floats below '{root}', which is left out; '{new_root}' is a root that floats",
+        "floats at the empty root '{root}'; both are left out, and '{new_root}' is a floating root",
         root=name_of(root),
         new_root=new_root,
     )
@@ -200,6 +231,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
         multiplier, _ = mimic_line(mimic)
         leader = mimic.get("joint", "")
         statement = message("importer.mimics", "mimics '{leader}'", leader=leader)
+        # A fixed joint moves as before without its mimic, so this is no loss.
         if joint.get("type") == "fixed":
             joint.remove(mimic)
             report.add(
@@ -207,13 +239,15 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
                 where,
                 message(
                     "importer.fixed_joints_move_with_nothing",
-                    "{statement}: fixed joints move with nothing",
+                    "{statement}, but is fixed and cannot move",
                     statement=statement,
                 ),
             )
         elif multiplier == 0:
-            continue  # the joint does not move, whatever its leader is
+            # The joint does not move, whatever its leader is. It need not even exist.
+            continue
         elif leader not in joints:
+            # The joint will need a motor of its own, which the author did not intend: the entry is a loss.
             joint.remove(mimic)
             problem = message(
                 "importer.which_is_no_joint",
@@ -225,7 +259,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
                 where,
                 message(
                     "importer.moves_on_its_own",
-                    "{statement}, {problem}; it moves on its own",
+                    "{statement}, {problem}; the joint moves independently",
                     statement=statement,
                     problem=problem,
                 ),
@@ -237,7 +271,7 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
                 where,
                 message(
                     "importer.leads_back_to_itself",
-                    "{statement}, which leads back to itself; it moves on its own",
+                    "{statement}, which itself follows this joint; the joint moves independently",
                     statement=statement,
                 ),
             )
@@ -257,7 +291,7 @@ def _report_followers(robot: ET.Element, report: ImportReport) -> None:
         multiplier, offset = mimic_line(follows)
         statement = message(
             "importer.mimics_with_ratio",
-            "mimics '{leader}' by {multiplier:g} with an offset of {offset:g}",
+            "mimics '{leader}' with a multiplier of {multiplier:g} and an offset of {offset:g}",
             leader=follows.get("joint", ""),
             multiplier=multiplier,
             offset=offset,
@@ -267,7 +301,7 @@ def _report_followers(robot: ET.Element, report: ImportReport) -> None:
             message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
             message(
                 "importer.stations_couple_them",
-                "{statement}: stations couple them",
+                "{statement}; stations couple the two joints",
                 statement=statement,
             ),
         )
@@ -277,11 +311,13 @@ def _repair_mimic(mimic: ET.Element, where: str, report: ImportReport) -> None:
     """Replace a multiplier and an offset that are no numbers by the format's defaults, in place."""
     for key, default in (("multiplier", "1"), ("offset", "0")):
         text = mimic.get(key)
+        # A missing attribute has the format's default, so it needs no repair.
         if text is not None and len(numbers_in(text) or []) != 1:
+            # This changes the motion, unlike the repair of a number that can be understood.
             mimic.set(key, default)
             problem = message(
                 "importer.no_number_of_mimic",
-                "{key}='{text}' of its mimic is no number; {default}, as the format has it",
+                "{key}='{text}' of its mimic is not a number; {default} is used, the format's default",
                 key=key,
                 text=shortened(text),
                 default=default,
@@ -293,6 +329,7 @@ def _leads_back(joints: Mapping[str, ET.Element], name: str) -> bool:
     """Whether the joint that a joint mimics follows that joint itself, directly or through others."""
     visited = set[str]()
     current = name
+    # The search ends at a joint that was visited before, which may be in a loop that the first joint is not a part of.
     while current in joints and current not in visited:
         visited.add(current)
         mimic = joints[current].find("mimic")
@@ -337,6 +374,7 @@ def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
         )
         follower = _find_still_follower(joints)
     for joint in joints.values():
+        # The attribute is no part of a URDF.
         joint.attrib.pop(_FIXED_AT, None)
 
 
@@ -350,6 +388,7 @@ def _find_still_follower(joints: Mapping[str, ET.Element]) -> ET.Element | None:
         if follows is None:
             continue
         multiplier, _ = mimic_line(follows)
+        # Other types than these are fixed by now.
         if multiplier == 0 or _leader_of(joints, joint).get("type") not in MOVABLE_JOINTS:
             return joint
     return None
@@ -376,8 +415,9 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
         if name in finished or follows is None:
             return
         finished.add(name)
-        # it moves: followers of other joints were made fixed before
+        # The leader is in the dictionary of joints that move: followers of other joints were made fixed before.
         leader = joints[follows.get("joint", "")]
+        # First the leader, whose limits may get wider, too.
         widen_after_leader(name_of(leader))
         _widen_follower(joint, leader, report)
 
@@ -388,29 +428,37 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
 def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport) -> None:
     """Widen the limits of one follower so that it can go wherever its leader takes it, in place."""
     multiplier, offset = mimic_line(child_of(joint, FOLLOWS))
+    # The follower's position is multiplier * q + offset, which takes its extreme values at the limits of the leader's
+    # position q. A negative multiplier exchanges lower and upper.
     ends = [multiplier * limit + offset for limit in joint_limits(leader)]
     own_limits = joint_limits(joint)
     lower = min(*ends, *own_limits)
     upper = max(*ends, *own_limits)
+    # Files round numbers such as pi/2. Such a difference needs no entry in the report.
     if np.allclose((lower, upper), own_limits, rtol=0, atol=_ROUNDING):
         return
     where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
     own_range = compound("[{lower:.4g}, {upper:.4g}]", lower=own_limits[0], upper=own_limits[1])
     problem = message(
         "importer.limits_leave_out",
-        "its limits {range} leave out where '{leader}' takes it, which it follows",
+        "its limits {range} do not contain all positions that follow from the limits of '{leader}'",
         range=own_range,
         leader=name_of(leader),
     )
     if np.isfinite((lower, upper)).all():
         limit = child_of(joint, "limit")
+        # Twelve digits, so that rounding errors of the product are not written.
         limit.set("lower", f"{lower:.12g}")
         limit.set("upper", f"{upper:.12g}")
         report.add(
             "repaired",
             where,
-            compound(
-                "{problem}; [{lower:.4g}, {upper:.4g}]", problem=problem, lower=lower, upper=upper
+            message(
+                "importer.limits_widened",
+                "{problem}; widened to [{lower:.4g}, {upper:.4g}]",
+                problem=problem,
+                lower=lower,
+                upper=upper,
             ),
         )
     # Otherwise the leader has no limits. A prismatic follower keeps its own, since it must have some.
@@ -422,7 +470,7 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
             where,
             message(
                 "importer.continuous_instead",
-                "{problem}; continuous instead of revolute",
+                "{problem}; the joint becomes continuous",
                 problem=problem,
             ),
         )
@@ -435,6 +483,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
         InvalidModel: the axis is zero.
     """
     axis = child_of(joint, "axis")
+    # Also if there was no <axis>: the line above has added it.
     if "xyz" not in axis.attrib:
         axis.set("xyz", _DEFAULT_AXIS)
         report.add(
@@ -442,7 +491,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
             where,
             message(
                 "importer.has_no_axis",
-                "has no axis; {axis}, as the format has it",
+                "has no axis; {axis} is used, the format's default",
                 axis=_DEFAULT_AXIS,
             ),
         )
@@ -450,12 +499,13 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
     text = axis.attrib["xyz"]
     direction = np.array(text.split(), dtype=float)
     length = float(np.linalg.norm(direction))
+    # No default takes the place of a zero vector: its author may have meant a joint that does not move.
     if length < _NO_DIRECTION:
         raise report.refusal(
             compound("{where} <axis>", where=where),
             message(
                 "importer.no_direction",
-                'xyz="{text}" is no direction; write one, or make the joint fixed',
+                'xyz="{text}" has no direction; write one, or make the joint fixed',
                 text=text,
             ),
         )
@@ -468,7 +518,7 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
             compound("{where} <axis>", where=where),
             message(
                 "importer.axis_length",
-                'xyz="{text}" is {length:.4g} long; "{axis}"',
+                'xyz="{text}" has the length {length:.4g}; normalized to "{axis}"',
                 text=text,
                 length=length,
                 axis=axis.get("xyz"),
@@ -479,12 +529,12 @@ def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
 def _repair_dynamics(
     joint: ET.Element, where: str, options: ImportOptions, report: ImportReport
 ) -> None:
-    """Repair the damping of a joint, in place, and remove its dry friction, or add it to the damping if so chosen.
+    """Repair the damping of a joint, in place, and remove its dry friction, or add it to the damping.
 
     Args:
         joint: the joint.
         where: name of the joint, for the report.
-        options: options of the import; `friction_as_damping` adds the friction to the damping.
+        options: options of the import, which decide about the friction.
         report: report of the import.
     """
     dynamics = joint.find("dynamics")
@@ -493,6 +543,7 @@ def _repair_dynamics(
     place_in_file = compound("{where} <dynamics>", where=where)
     for key in ("damping", "friction"):
         value = number(dynamics, key)
+        # A negative value would feed energy into the motion.
         if value is not None and value < 0:
             dynamics.set(key, "0")
             report.add(
@@ -500,14 +551,35 @@ def _repair_dynamics(
                 place_in_file,
                 message(
                     "importer.negative_value",
-                    "{key} {value:g} is negative; 0",
+                    "{key} {value:g} is negative; set to 0",
                     key=key,
                     value=value,
                 ),
             )
     friction = number(dynamics, "friction")
-    if not friction:
-        return
+    if friction:
+        _remove_friction(joint, dynamics, friction, place_in_file, options, report)
+
+
+def _remove_friction(
+    joint: ET.Element,
+    dynamics: ET.Element,
+    friction: float,
+    where: str,
+    options: ImportOptions,
+    report: ImportReport,
+) -> None:
+    """Remove the dry friction of a joint, in place, or add it to the damping if the options request it.
+
+    Args:
+        joint: the joint.
+        dynamics: its ``<dynamics>``.
+        friction: the friction [N·m or N], which is positive.
+        where: name of the joint and of its element, for the report.
+        options: options of the import; `friction_as_damping` adds the friction to the damping.
+        report: report of the import.
+    """
+    # Joints of Drake have viscous damping, but no dry friction. Drives of a station have it.
     del dynamics.attrib["friction"]
     if options.friction_as_damping:
         damping = number(dynamics, "damping") or 0.0
@@ -515,10 +587,10 @@ def _repair_dynamics(
         dynamics.set("damping", format_number(total))
         report.add(
             "repaired",
-            place_in_file,
+            where,
             message(
                 "importer.damping_plus_friction",
-                "damping {damping:g} plus friction {friction:g}: damping {total:g}",
+                "friction {friction:g} is added to damping {damping:g}, which becomes {total:g}",
                 damping=damping,
                 friction=friction,
                 total=total,
@@ -528,17 +600,17 @@ def _repair_dynamics(
         # The key is that of a station with this robot alone, in which the axis has the name of the joint.
         advice = message(
             "importer.friction_setting",
-            "`--set robot.drives.friction.{joint}={friction:g}` brings it back, --friction-as-damping adds it to the "
-            "damping",
+            "set it with `--set robot.drives.friction.{joint}={friction:g}`, or add it to the "
+            "damping with --friction-as-damping",
             joint=name_of(joint),
             friction=friction,
         )
         report.add(
             "lost",
-            place_in_file,
+            where,
             message(
                 "importer.friction_dropped",
-                "friction {friction:g}, seldom measured; {advice}",
+                "friction {friction:g} is not imported, as files seldom have measured values; {advice}",
                 friction=friction,
                 advice=advice,
             ),
@@ -557,55 +629,24 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
     """
     place_in_file = compound("{where} <limit>", where=where)
     limit = joint.find("limit")
+    if limit is not None:
+        _repair_acceleration(limit, place_in_file, report)
     kind = joint.get("type")
-    acceleration = number(limit, _ACCELERATION)
-    if limit is not None and acceleration is not None and acceleration <= 0:
-        del limit.attrib[_ACCELERATION]
-        report.add(
-            "dropped",
-            place_in_file,
-            message(
-                "importer.acceleration_not_positive",
-                "acceleration {acceleration:g} is not positive",
-                acceleration=acceleration,
-            ),
-        )
-
     lower = number(limit, "lower")
     upper = number(limit, "upper")
     range_text = _range_text(lower, upper)
     if kind == "continuous":
-        # Drake keeps the limits of a continuous joint if there are both.
-        if lower is not None and upper is not None and lower < upper:
-            report.add(
-                "read",
-                place_in_file,
-                message(
-                    "importer.limits_of_continuous",
-                    "limits {lower:g} and {upper:g} of a continuous joint are heeded",
-                    lower=lower,
-                    upper=upper,
-                ),
-            )
-        elif lower is not None or upper is not None:
-            _set_range(joint, None, None)
-            report.add(
-                "dropped",
-                place_in_file,
-                message(
-                    "importer.no_range_of_continuous",
-                    "{range}, which are no range; a continuous joint needs none",
-                    range=range_text,
-                ),
-            )
+        _repair_continuous_range(joint, lower, upper, place_in_file, report)
     elif lower or upper:
+        # A limit other than 0 is meant as one. The other may be missing, which means 0 in a URDF.
         _repair_range(joint, lower, upper, place_in_file, report)
     # From here on both limits are missing or 0, by which files say that there are none.
     elif kind == "prismatic":
+        # Unlike a revolute joint, it cannot become a joint of another type that needs no limits.
         _set_range(joint, -DEFAULT_STROKE, DEFAULT_STROKE)
         problem = message(
             "importer.stroke_of_prismatic",
-            "{range}; a prismatic joint needs a range, ±{stroke:g} m",
+            "{range}; set to ±{stroke:g} m, as a prismatic joint needs a range",
             range=range_text,
             stroke=DEFAULT_STROKE,
         )
@@ -618,10 +659,66 @@ def _repair_limits(joint: ET.Element, where: str, report: ImportReport) -> None:
             place_in_file,
             message(
                 "importer.nothing_stops_it",
-                "{range}, so nothing stops it; continuous instead of revolute",
+                "{range}; without a range the joint becomes continuous",
                 range=range_text,
             ),
         )
+
+
+def _repair_acceleration(limit: ET.Element, where: str, report: ImportReport) -> None:
+    """Remove a limit of the acceleration that is not positive, in place. Without it the acceleration has no limit."""
+    acceleration = number(limit, _ACCELERATION)
+    if acceleration is None or acceleration > 0:
+        return
+    del limit.attrib[_ACCELERATION]
+    report.add(
+        "dropped",
+        where,
+        message(
+            "importer.acceleration_not_positive",
+            "acceleration {acceleration:g} is not positive",
+            acceleration=acceleration,
+        ),
+    )
+
+
+def _repair_continuous_range(
+    joint: ET.Element, lower: float | None, upper: float | None, where: str, report: ImportReport
+) -> None:
+    """Remove the limits of a continuous joint, in place, unless they are a range.
+
+    Args:
+        joint: the joint.
+        lower: lower limit [rad]; None if it is missing.
+        upper: upper limit [rad]; None if it is missing.
+        where: name of the joint and of its element, for the report.
+        report: report of the import.
+    """
+    if lower is None and upper is None:
+        return
+    # Drake keeps the limits of a continuous joint if there are both.
+    if lower is not None and upper is not None and lower < upper:
+        report.add(
+            "read",
+            where,
+            message(
+                "importer.limits_of_continuous",
+                "the limits {lower:g} and {upper:g} of this continuous joint apply",
+                lower=lower,
+                upper=upper,
+            ),
+        )
+        return
+    _set_range(joint, None, None)
+    report.add(
+        "dropped",
+        where,
+        message(
+            "importer.no_range_of_continuous",
+            "{range} is not a range; a continuous joint needs none",
+            range=_range_text(lower, upper),
+        ),
+    )
 
 
 def _repair_range(
@@ -643,7 +740,9 @@ def _repair_range(
             report.add(
                 "defaulted",
                 where,
-                message("importer.has_no_key", "has no {key}; 0, as the format has it", key=key),
+                message(
+                    "importer.has_no_key", "has no {key}; 0 is used, the format's default", key=key
+                ),
             )
     first = lower or 0.0
     second = upper or 0.0
@@ -658,20 +757,23 @@ def _repair_range(
                 upper=second,
             ),
         )
+    # Exchanged limits are the more probable intention, as a range from 1 to -1 is empty.
     low = min(first, second)
     high = max(first, second)
     if low == high:
+        # Equal limits hold the joint where they are, which a solver could do only with a stiff stop.
         _fix_at(joint, low)
         report.add(
             "repaired",
             where,
             message(
                 "importer.limits_are_equal",
-                "lower and upper are both {position:g}, so it can't move; fixed there",
+                "lower and upper are both {position:g}, so the joint cannot move; it becomes fixed there",
                 position=low,
             ),
         )
         return
+    # Some files write such numbers for a joint without limits.
     if joint.get("type") == "revolute" and max(-low, high) > ENDLESS:
         _set_range(joint, None, None)
         joint.set("type", "continuous")
@@ -680,7 +782,7 @@ def _repair_range(
             where,
             message(
                 "importer.limits_stop_nothing",
-                "{range} rad stop nothing; continuous instead of revolute",
+                "{range} rad do not restrict the motion; the joint becomes continuous",
                 range=_range_text(low, high),
             ),
         )
@@ -693,6 +795,7 @@ def _fix_at(joint: ET.Element, position: float) -> None:
 
     The record is the attribute _FIXED_AT, which :func:`_fix_still_followers` reads and removes.
     """
+    # The axis is given in the frame of the joint, which coincides with the child link's frame at position 0.
     x, y, z = (float(word) for word in child_of(joint, "axis").get("xyz", "").split())
     length = math.hypot(x, y, z)
     direction = [x / length, y / length, z / length]
@@ -702,9 +805,11 @@ def _fix_at(joint: ET.Element, position: float) -> None:
         motion = RigidTransform(
             RotationMatrix(AngleAxis(angle=position, axis=direction)), [0, 0, 0]
         )
+    # Pose of the child link at this position: the origin of the joint, then its motion.
     place(joint, pose_of(joint) @ motion)
     joint.set("type", "fixed")
     joint.set(_FIXED_AT, format_number(position))
+    # What is left belongs to a motion that the joint no longer has.
     for element in [child for child in joint if child.tag in ("axis", "limit", "dynamics")]:
         joint.remove(element)
 
@@ -716,6 +821,7 @@ def _set_range(joint: ET.Element, lower: float | None, upper: float | None) -> N
         if value is None:
             if limit is not None:
                 limit.attrib.pop(key, None)
+        # A limit that stays keeps the digits of its file.
         elif number(limit, key) != value:
             child_of(joint, "limit").set(key, format_number(value))
 
@@ -724,8 +830,9 @@ def _range_text(lower: float | None, upper: float | None) -> str:
     """Describe the limits of a joint [rad or m], of which each is None if it is missing."""
     if lower is None and upper is None:
         return message("importer.no_limits", "no limits")
-    lower_text = "missing" if lower is None else f"{lower:g}"
-    upper_text = "missing" if upper is None else f"{upper:g}"
+    missing = message("importer.limit_missing", "missing")
+    lower_text = missing if lower is None else f"{lower:g}"
+    upper_text = missing if upper is None else f"{upper:g}"
     return message(
         "importer.lower_and_upper",
         "lower {lower}, upper {upper}",

@@ -27,7 +27,9 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
     Raises:
         InvalidModel: two links, or two joints with the same child, have the same name and different contents.
     """
+    # Blanks come first, since names that differ in blanks only are the same name.
     _strip_names(robot, report)
+    # The format requires a name of the robot.
     if not name_of(robot):
         robot.set("name", report.source.stem or "robot")
         report.add(
@@ -35,10 +37,11 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
             "<robot>",
             message(
                 "importer.called_after_file",
-                "has no name; called '{name}' after its file",
+                "has no name; named '{name}' after its file",
                 name=name_of(robot),
             ),
         )
+    # Links get their names before joints, which are named after their links.
     _name_links(robot, report)
     free = FreeNames(names(robot, "joint"))
     for joint in robot.iterfind("joint"):
@@ -48,25 +51,30 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
             report.add(
                 "repaired",
                 message("robots.joint_called", "joint '{joint}'", joint=name),
-                message("importer.called_after_links", "had no name; called after its links"),
+                message(
+                    "importer.called_after_links", "has no name in the file; named after its links"
+                ),
             )
+    # All elements have a name now, so that those with equal names can be compared.
     _separate_links(robot, report)
     _separate_joints(robot, report)
+    # Last, because the rule for names of missing links leaves out the world.
     _rename_world(robot, report)
 
 
 def free_name(name: str, taken: Iterable[str]) -> str:
-    """Make a name that is not taken: the given one, or that with a number."""
+    """Make a name that is not taken: the given name, or this name with a number."""
     return FreeNames(taken).take(name)
 
 
 class FreeNames:
-    """Makes names that are not taken. Thousands of equal names take no more time each than one."""
+    """Makes names that are not taken. Each of thousands of equal names takes as little time as the first."""
 
     def __init__(self, taken: Iterable[str] = ()) -> None:
         """Begin with the names that are taken already."""
         self._taken = set(taken)
-        self._last_numbers: dict[str, int] = {}  # last number of each name without a number
+        # The last number that was tried for each name. Without it, each search would begin at 2 again.
+        self._last_numbers: dict[str, int] = {}
 
     def is_free(self, name: str) -> bool:
         """Whether a name is not taken."""
@@ -76,6 +84,7 @@ class FreeNames:
         """Return a name, or the name with the next free number, and mark it as taken."""
         name = base
         while name in self._taken:
+            # The first name has no number, so the second one gets the number 2.
             number = self._last_numbers.get(base, 1) + 1
             self._last_numbers[base] = number
             name = f"{base}_{number}"
@@ -90,6 +99,7 @@ def names(robot: ET.Element, tag: str) -> list[str]:
 
 def without_name(element: ET.Element) -> str:
     """Write the content of an element without its name, to compare elements."""
+    # The order of attributes has no meaning in XML, so they are sorted.
     attributes = {key: value for key, value in element.attrib.items() if key != "name"}
     return f"{element.tag}{sorted(attributes.items())}[{','.join(_content(child) for child in element)}]"
 
@@ -107,6 +117,7 @@ def _strip_names(robot: ET.Element, report: ImportReport) -> None:
         for key in ("name", "link", "joint"):
             value = element.get(key, "")
             stripped = value.strip()
+            # An element without the attribute is equal, too: the default is an empty text.
             if value == stripped:
                 continue
             element.set(key, stripped)
@@ -115,7 +126,7 @@ def _strip_names(robot: ET.Element, report: ImportReport) -> None:
                 f"<{element.tag}>",
                 message(
                     "importer.blanks_around",
-                    "{key}='{value}' has blanks around it; '{stripped}'",
+                    "{key}='{value}' has blanks at its ends; written as '{stripped}'",
                     key=key,
                     value=value,
                     stripped=stripped,
@@ -124,10 +135,15 @@ def _strip_names(robot: ET.Element, report: ImportReport) -> None:
 
 
 def _name_links(robot: ET.Element, report: ImportReport) -> None:
-    """Give names to links without one."""
+    """Give names to links without a name, in place.
+
+    A single such link gets the name of the single link that joints refer to and that is missing.
+    """
     nameless = [link for link in robot.iterfind("link") if not name_of(link)]
     ends = {link_of(joint, end) for joint in robot.iterfind("joint") for end in ("parent", "child")}
+    # Joints may start at the world, which is not a link of the file.
     missing = sorted(ends - set(names(robot, "link")) - {"", WORLD})
+    # Names that joints refer to are taken, too: a new link must not become the end of a joint by chance.
     free = FreeNames({*names(robot, "link"), *ends})
     # If one link has no name and joints refer to one missing link, it must be this one.
     is_clear = len(nameless) == len(missing) == 1
@@ -137,9 +153,12 @@ def _name_links(robot: ET.Element, report: ImportReport) -> None:
         report.add(
             "repaired",
             message("robots.link_called", "link '{link}'", link=name),
-            message("importer.had_no_name", "had no name")
+            message("importer.had_no_name", "has no name in the file")
             + (
-                message("importer.joint_asks_for_it", "; a joint asks for one of this name")
+                message(
+                    "importer.joint_asks_for_it",
+                    "; joints refer to this name, and no other link is missing",
+                )
                 if is_clear
                 else ""
             ),
@@ -147,10 +166,15 @@ def _name_links(robot: ET.Element, report: ImportReport) -> None:
 
 
 def _separate_links(robot: ET.Element, report: ImportReport) -> None:
-    """Remove a second link of the same name that is empty or equal; raises InvalidModel: it has other contents."""
+    """Remove links of the same name that are empty or equal, in place, so that one with each name is left.
+
+    Raises:
+        InvalidModel: two links have the same name and different contents.
+    """
     first: dict[str, ET.Element] = {}
     for link in list(robot.iterfind("link")):
         name = name_of(link)
+        # The first link of each name is remembered, and the following ones are compared with it.
         other = first.setdefault(name, link)
         if other is link:
             continue
@@ -159,7 +183,7 @@ def _separate_links(robot: ET.Element, report: ImportReport) -> None:
                 message("robots.link_called", "link '{link}'", link=name),
                 message(
                     "importer.twice_rename_one",
-                    "stands twice with different contents; rename or remove one of them",
+                    "is defined twice with different contents; rename or remove one of them",
                 ),
             )
         # One of the two may be empty: the one with more in it is kept.
@@ -172,7 +196,8 @@ def _separate_links(robot: ET.Element, report: ImportReport) -> None:
             "dropped",
             message("robots.link_called", "link '{link}'", link=name),
             message(
-                "importer.twice_left_out", "stands twice; the one that says nothing new is left out"
+                "importer.twice_left_out",
+                "is defined twice; the definition that adds nothing is left out",
             ),
         )
 
@@ -195,17 +220,18 @@ def _separate_joints(robot: ET.Element, report: ImportReport) -> None:
             report.add(
                 "dropped",
                 message("robots.joint_called", "joint '{joint}'", joint=name),
-                message("importer.twice_word_for_word", "stands twice, word for word"),
+                message("importer.twice_word_for_word", "is defined twice with the same content"),
             )
         elif link_of(joint, "child") == link_of(other, "child"):
             raise report.refusal(
                 message("robots.joint_called", "joint '{joint}'", joint=name),
                 message(
                     "importer.twice_remove_one",
-                    "stands twice with different contents; remove one of them",
+                    "is defined twice with different contents; remove one of them",
                 ),
             )
         else:
+            # Both joints are needed, since each holds another link.
             new = free.take(name)
             joint.set("name", new)
             first[new] = joint
@@ -214,14 +240,15 @@ def _separate_joints(robot: ET.Element, report: ImportReport) -> None:
                 message("robots.joint_called", "joint '{joint}'", joint=new),
                 message(
                     "importer.second_joint_called",
-                    "was a second joint called '{name}'; whoever names that gets the first",
+                    "was a second joint with the name '{name}'; references to this name mean the first one",
                     name=name,
                 ),
             )
 
 
 def _rename_world(robot: ET.Element, report: ImportReport) -> None:
-    """Rename a link that has the name of Drake's world. If joints start at such a link and it is missing, add one."""
+    """Rename a link that has the name of Drake's world, in place. If joints start at it and it is missing, add it."""
+    # Frames and collision filter groups refer to links, too.
     referring = [element for element in robot.iter() if element.tag in _REFER_TO_LINKS]
     references = [element for element in referring if element.get("link") == WORLD]
     own_link = next((link for link in robot.iterfind("link") if name_of(link) == WORLD), None)
@@ -236,7 +263,7 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
             message("robots.link_called", "link '{link}'", link=new),
             message(
                 "importer.joint_starts_at_world",
-                "a joint starts at '{world}', which is no link; an empty one made",
+                "a joint starts at '{world}', which is not a link; an empty link is added",
                 world=WORLD,
             ),
         )
@@ -247,7 +274,7 @@ def _rename_world(robot: ET.Element, report: ImportReport) -> None:
             message("robots.link_called", "link '{link}'", link=new),
             message(
                 "importer.called_as_world",
-                "was called '{world}', as is Drake's own link",
+                "had the name '{world}', which Drake reserves for its own link",
                 world=WORLD,
             ),
         )

@@ -7,7 +7,7 @@ and a child link. Every change adds an entry to the report of the import.
 import re
 import xml.etree.ElementTree as ET
 from collections import Counter
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -51,9 +51,14 @@ _UNITS = {
     "upper": "rad",
 }
 """Unit that a number of an attribute may be written with, by the attribute's name."""
-_DEFAULT_UNIT = "kg"  # the unit of the other attributes
-_CHECKED = ("link", "joint", "material")  # tags of the elements in which all numbers are checked
+_DEFAULT_UNIT = "kg"
+"""Unit that the numbers of other attributes may be written with."""
+
+_CHECKED = ("link", "joint", "material")
+"""Tags of the elements in which all numbers are checked."""
+
 _XACRO_EXPRESSION = re.compile(r"\$\{.*?\}|\$\(.*?\)")
+"""An expression of xacro, such as ``${width / 2}`` or ``$(arg name)``."""
 
 
 @dataclass(frozen=True)
@@ -71,9 +76,11 @@ class _NumberRule:
     is_required: bool = False
 
 
+# Positions and angles that cannot be read become zero, which is the format's own default for an origin.
 _ZERO = _NumberRule((3,), "0 0 0")
 _RULES: dict[tuple[str, str], _NumberRule] = {
     **{(tag, key): _ZERO for tag in ("origin", "frame") for key in ("xyz", "rpy")},
+    # No default replaces an axis: about another axis the robot would move in another way.
     ("axis", "xyz"): _NumberRule((3,), is_required=True),
     **{
         ("limit", key): _NumberRule()
@@ -101,11 +108,15 @@ _RULES_OF_OTHER_TAGS = {key: _NumberRule(counts) for key, counts in NUMBER_COUNT
 of an import requires numbers there, too."""
 
 
-def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
+def repair_numbers(robot: ET.Element, report: ImportReport) -> None:
     """Repair every number of a robot that is malformed, in place.
 
     Decimal commas, commas between numbers, brackets and units of the SI are understood. Other text is replaced by the
     default of its attribute if there is one, and is removed otherwise, so that it counts as missing.
+
+    Args:
+        robot: the ``robot`` element.
+        report: gets an entry for each repair.
 
     Raises:
         InvalidModel: an expression of xacro was not expanded, or a joint's axis is not readable.
@@ -113,6 +124,7 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
     for place in _elements_with_places(robot):
         element = place.element
         for key, value in element.attrib.items():
+            # Its value depends on other parts of the xacro file, which are not in this one.
             if _XACRO_EXPRESSION.search(value):
                 problem = message(
                     "importer.expression_of_xacro",
@@ -121,8 +133,9 @@ def mend_numbers(robot: ET.Element, report: ImportReport) -> None:
                     value=shortened(value),
                 )
                 raise report.refusal(place.words, problem)
-        # the words begin with the tag of the link, joint or material
+        # The words begin with the tag of the link, joint or material.
         is_checked = place.words.startswith(_CHECKED)
+        # A list, since repairs remove attributes.
         for key in list(element.attrib):
             rule = _RULES.get((element.tag, key))
             if rule is None and is_checked:
@@ -154,6 +167,7 @@ def _elements_with_places(robot: ET.Element) -> Iterator[_Place]:
     """Yield every element of a robot, itself included, with its place in words."""
     yield _Place("<robot>", robot)
     for top in robot:
+        # Elements have no names of their own, so the words name the link, joint or material that contains them.
         owner = compound("{tag} '{name_of}'", tag=top.tag, name_of=name_of(top))
         for element in top.iter():
             tag = element.tag.removeprefix(DRAKE)
@@ -179,7 +193,9 @@ def _repair_numbers(
         InvalidModel: the numbers are not readable, and the rule requires them.
     """
     text = element.attrib[key]
+    # Only at the blanks of XML. `split` would also accept other blanks, such as non-breaking ones.
     words = [word for word in re.split(r"[ \t\r\n]+", text) if word]
+    # A correct text is not written again, so that its digits stay as they are.
     if len(words) in rule.counts and all(_is_plain_number(word) for word in words):
         return
     value = f'{key}="{shortened(text)}"'
@@ -202,9 +218,8 @@ def _repair_numbers(
                 written=element.get(key),
             ),
         )
-    elif (
-        rule.is_required and text.strip()
-    ):  # an empty text counts as missing, and a later stage gives the default
+    elif rule.is_required and text.strip():
+        # An empty text is no error: it counts as missing, and a later stage gives the default.
         raise report.refusal(where, problem)
     elif rule.default is not None:
         element.set(key, rule.default)
@@ -213,7 +228,7 @@ def _repair_numbers(
             where,
             message(
                 "importer.default_instead",
-                '{problem}; "{default}" instead',
+                '{problem}; "{default}" is used',
                 problem=problem,
                 default=rule.default,
             ),
@@ -253,18 +268,24 @@ def _understand_numbers(text: str, counts: tuple[int, ...], unit: str) -> list[s
     Returns:
         the numbers as they were written, very small ones as 0; None if the text cannot be understood.
     """
+    # Texts that were copied from documents have a minus sign that is no hyphen.
     plain = text.replace("\N{MINUS SIGN}", "-").strip("()[]{} \t\r\n")
     spaced = re.sub(r"[,;]\s+|;", " ", plain)
     # A comma that is left separates numbers, or else it is a decimal comma.
     for candidate in (spaced, spaced.replace(",", " "), spaced.replace(",", ".")):
+        # The count decides which meaning is right: "1,5" is one number where one is expected.
         words = [_without_unit(word, unit) for word in candidate.split()]
         if len(words) in counts and all(_is_finite(word) for word in words):
+            # The words of the file, and not their values, so that no digit changes.
             return ["0" if abs(float(word)) < SMALLEST else word for word in words]
     return None
 
 
 def _without_unit(word: str, unit: str) -> str:
-    """Remove the unit or the suffix f from a number, such as 1.5m or 1.5f; other text is returned as it is."""
+    """Remove the unit or the suffix f from a number, such as 1.5m or 1.5f. Other words are returned unchanged.
+
+    The suffix f marks numbers of single precision in C.
+    """
     for suffix in (unit, "f", "F"):
         rest = word.removesuffix(suffix)
         if word.endswith(suffix) and NUMBER.fullmatch(rest):
@@ -286,20 +307,25 @@ def _count_text(counts: tuple[int, ...]) -> str:
     """Describe counts of numbers, such as "3 or 4 finite numbers"."""
     if counts == (1,):
         return message("importer.finite_number", "a finite number")
-    alternatives = " or ".join(str(count) for count in counts)
+    alternatives = str(counts[0])
+    for count in counts[1:]:
+        alternatives = message(
+            "importer.either_count", "{first} or {second}", first=alternatives, second=count
+        )
     return message(
         "importer.finite_numbers", "{alternatives} finite numbers", alternatives=alternatives
     )
 
 
-_GROUPS = (
-    f"{DRAKE}ignored_collision_filter_group",
-    f"{DRAKE}member_group",
-)  # elements that name another group
+_GROUPS = (f"{DRAKE}ignored_collision_filter_group", f"{DRAKE}member_group")
+"""Tags of the elements in a collision filter group that name another group."""
+
 _VISUAL = {
     f"{DRAKE}{name}"
     for name in ("illustration_properties", "perception_properties", "accepting_renderer")
 }
+"""Tags of Drake's elements in a visual."""
+
 _KNOWN: dict[str, set[str]] = {
     "robot": {"link", "joint", "material", "transmission", "frame"},
     "link": {"inertial", "visual", "collision"},
@@ -312,14 +338,16 @@ _KNOWN: dict[str, set[str]] = {
     "material": {"color", "texture"},
 }
 """Tags of the elements that may be in an element, by its tag."""
+
 _OPAQUE = ("transmission", "collision_filter_group", "linear_bushing_rpy", "proximity_properties")
 """Elements whose content is not checked here: another stage of the import, or Drake alone, reads it."""
+
 _REPEATED = {"link", "joint", "material", "transmission", "frame", "visual", "collision", *_VISUAL}
 """Elements of which an element may contain several."""
-_KEPT_OF_DRAKE = {
-    f"{DRAKE}collision_filter_group",
-    f"{DRAKE}linear_bushing_rpy",
-}  # additional elements in a robot
+
+_KEPT_OF_DRAKE = {f"{DRAKE}collision_filter_group", f"{DRAKE}linear_bushing_rpy"}
+"""Tags of Drake's elements that a robot may contain in addition to those of the format."""
+
 _LOOP_TAGS = ("loop_joint", f"{DRAKE}joint", f"{DRAKE}ball_constraint", f"{DRAKE}tendon_constraint")
 """Elements that close a loop, or move in a way that no motor drives."""
 
@@ -330,23 +358,33 @@ def repair_structure(robot: ET.Element, options: ImportOptions, report: ImportRe
     If the options ask for couplings in place of joints that close loops, their elements are added at the end of the
     robot.
 
+    Args:
+        robot: the ``robot`` element, as its reader has made it.
+        options: options of the import: what becomes of joints that close loops.
+        report: gets an entry for each change.
+
     Raises:
         InvalidModel: a defect has no repair.
     """
+    # The size comes first: a file that is too large would occupy the other steps for long.
     check_size(robot, report.refusal)
     # Loops come first: the next step would remove their elements as unknown ones.
     closings = _take_out_loops(robot, options, report)
     _keep_known_elements(robot, report)
-    # before the next step: of two joints that are equal, one is removed here
+    # Names come before second parents: of two equal joints with the same child one is removed here.
     repair_names(robot, report)
     closings += _closings_of_second_parents(robot, options, report)
-    mend_numbers(robot, report)  # only of elements that are left
+    # Only of elements that are left, so that a number in an element without use is no error.
+    repair_numbers(robot, report)
     if not names(robot, "link"):
         raise report.refusal("", message("importer.has_no_link", "has no link"))
     dropped_joints = _drop_dangling_joints(robot, report)
+    # From here on, each link is the child of one joint at most.
     child_links = set(check_parents(robot, report.refusal))
     _keep_one_tree(robot, dropped_joints, child_links, report)
+    # After the links are final, since frames and groups name links.
     drop_lost_frames(robot, report)
+    # The couplings are no elements of a URDF: the steps above would remove them.
     robot.extend(closings)
 
 
@@ -372,7 +410,8 @@ def _closings_of_second_parents(
             first=name_of(first),
             second=name_of(joint),
         )
-        joins_two_links = link_of(joint, "parent") != child  # no coupling holds a link to itself
+        # A joint of a link to itself closes nothing, so no coupling can replace it.
+        joins_two_links = link_of(joint, "parent") != child
         closing = closing_of_joint(joint) if joins_two_links else None
         if closing is not None and options.couple:
             robot.remove(joint)
@@ -382,7 +421,7 @@ def _closings_of_second_parents(
                 message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
                 message(
                     "importer.coupling_of_first_station",
-                    "a coupling of the first station: {line}",
+                    "becomes a coupling of the robot's first station: {line}",
                     line=closing.line,
                 ),
             )
@@ -391,6 +430,7 @@ def _closings_of_second_parents(
             report.add(
                 "lost",
                 message("robots.joint_called", "joint '{joint}'", joint=name_of(joint)),
+                # The entry is about the joint, and the problem about the link, so that the text names both.
                 message(
                     "importer.place_left_out",
                     "{where} {problem}; left out",
@@ -401,15 +441,15 @@ def _closings_of_second_parents(
         elif closing is not None:
             advice = message(
                 "importer.drop_and_couple",
-                "leave '{joint}' out with --drop-loops and write `{line}` under couplings of a ",
+                "leave '{joint}' out with --drop-loops and write `{line}` under couplings of a station",
                 joint=name_of(joint),
                 line=closing.line,
             )
             raise report.refusal(
                 where,
                 message(
-                    "importer.or_couple_both",
-                    "{problem}; {advice}station, or let --couple do both",
+                    "importer.or_couple",
+                    "{problem}; {advice}. The option --couple does both",
                     problem=problem,
                     advice=advice,
                 ),
@@ -428,15 +468,16 @@ def _take_out_loops(
         InvalidModel: there is such an element, and the options do not ask for couplings or for leaving it out.
     """
     closings = []
+    # A list, since elements are removed from the robot in this loop.
     for element in [element for element in robot if element.tag in _LOOP_TAGS]:
         where = compound(
             "<{tag}> '{name_of}'", tag=element.tag.removeprefix(DRAKE), name_of=name_of(element)
         )
         problem = message(
             "importer.no_part_of_tree",
-            "is no part of a tree of motored joints, which a station's robot is",
+            "does not fit into a robot, which is a tree of joints with motors",
         )
-        # added by the reader of the file, if a coupling can replace the element
+        # The reader of the file has added this child if a coupling can replace the element.
         coupling = element.find(CLOSING)
         line = "" if coupling is None else LoopCoupling.of_element(coupling).line
         if coupling is not None and options.couple:
@@ -447,7 +488,7 @@ def _take_out_loops(
                 where,
                 message(
                     "importer.coupling_of_first_station",
-                    "a coupling of the first station: {line}",
+                    "becomes a coupling of the robot's first station: {line}",
                     line=line,
                 ),
             )
@@ -468,7 +509,7 @@ def _take_out_loops(
                 where,
                 message(
                     "importer.or_couple",
-                    "{problem}; {advice}, or let --couple do both",
+                    "{problem}; {advice}. The option --couple does both",
                     problem=problem,
                     advice=advice,
                 ),
@@ -478,7 +519,7 @@ def _take_out_loops(
                 where,
                 message(
                     "importer.remove_or_drop",
-                    "{problem}; remove it, or leave it out with --drop-loops",
+                    "{problem}; remove the element, or leave it out with --drop-loops",
                     problem=problem,
                 ),
             )
@@ -487,9 +528,11 @@ def _take_out_loops(
 
 def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
     """Move misplaced links and joints to the top of a robot, and remove elements that no simulation uses, in place."""
+    # A joint in a link, for example, would be removed with the unknown elements if it stayed there.
     _move_to_top(robot, robot, report)
     removed_counts: Counter[_Nesting] = Counter()
     _remove_unknown(robot, removed_counts)
+    # One entry for each kind of element: files for Gazebo have hundreds of equal ones.
     for nesting, count in removed_counts.items():
         report.add(
             "dropped",
@@ -501,10 +544,11 @@ def _keep_known_elements(robot: ET.Element, report: ImportReport) -> None:
             ),
             message(
                 "importer.no_simulation_uses_it",
-                "{count} ×: no simulation here uses it",
+                "{count} ×: no simulation uses this element",
                 count=count,
             ),
         )
+    # Last, since an element of which there are two may have been removed as an unknown one.
     _remove_repeated(robot, report)
 
 
@@ -513,6 +557,7 @@ def _move_to_top(robot: ET.Element, element: ET.Element, report: ImportReport) -
     for child in list(element):
         if child.tag in ("link", "joint", "group"):
             _move_to_top(robot, child, report)
+            # Groups have no meaning in a URDF. They are removed with the unknown elements when their content is moved.
             if element is not robot and child.tag != "group":
                 element.remove(child)
                 robot.append(child)
@@ -521,7 +566,7 @@ def _move_to_top(robot: ET.Element, element: ET.Element, report: ImportReport) -
                     compound("{tag} '{name_of}'", tag=child.tag, name_of=name_of(child)),
                     message(
                         "importer.moved_into_robot",
-                        "stood in a <{tag}>; moved into <robot>",
+                        "was in a <{tag}>; moved into <robot>",
                         tag=element.tag,
                     ),
                 )
@@ -536,16 +581,19 @@ class _Nesting(NamedTuple):
 
 def _remove_unknown(element: ET.Element, removed_counts: Counter[_Nesting]) -> None:
     """Remove elements that no simulation uses from an element and all below it, in place, and count them."""
+    # These contain elements whose tags are not in _KNOWN.
     if element.tag.removeprefix(DRAKE) in _OPAQUE or element.tag in _VISUAL:
         return
     allowed = _KNOWN.get(element.tag, set())
     if element.tag == "robot":
+        # A new set: _KNOWN itself must not change.
         allowed = allowed | _KEPT_OF_DRAKE
     for child in list(element):
         if child.tag in allowed:
             _remove_unknown(child, removed_counts)
         else:
             element.remove(child)
+            # The name space is a long URL. Users know it by its prefix.
             removed_counts[_Nesting(child.tag.replace(DRAKE, "drake:"), element.tag)] += 1
 
 
@@ -577,9 +625,14 @@ def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
     """Remove Drake's frames, collision filter groups and bushings that name missing elements, in place.
 
-    Drake would refuse them.
+    Drake would refuse them. Stages that remove links call this function afterwards.
+
+    Args:
+        robot: the ``robot`` element.
+        report: gets an entry for each element that is removed.
     """
     links = set(names(robot, "link"))
+    # Drake has a frame of the name of each link, so no other frame may have such a name.
     taken_names = set(links)
     for frame in list(robot.iterfind("frame")):
         name = name_of(frame)
@@ -590,12 +643,13 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
                 message("importer.frame_called", "frame '{name}'", name=name),
                 message(
                     "importer.frame_without_link",
-                    "its link is not there, or its name is missing or taken",
+                    "its link does not exist, or its name is missing or already used",
                 ),
             )
         else:
             taken_names.add(name)
     _drop_lost_groups(robot, links, taken_names, report)
+    # A bushing is a spring and damper between two frames, so it needs both.
     for bushing in list(robot.iterfind(f"{DRAKE}linear_bushing_rpy")):
         # A bushing names its two frames in <bushing_frameA> and <bushing_frameC>.
         ends = {
@@ -608,7 +662,7 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
             report.add(
                 "dropped",
                 "drake:linear_bushing_rpy",
-                message("importer.frame_missing", "a frame of it is not there"),
+                message("importer.frame_missing", "one of its frames does not exist"),
             )
 
 
@@ -634,6 +688,7 @@ def _drop_lost_groups(
             "collision filter group '{name}'",
             name=name_of(group),
         )
+        # Drake refuses a second group of the same name.
         has_free_name = bool(name_of(group)) and name not in taken_names
         # A link that is welded to another one may be merged with it later in the import.
         has_known_members = bool(members) and members <= links - welded_links
@@ -644,10 +699,12 @@ def _drop_lost_groups(
                 name,
                 message(
                     "importer.group_with_problem",
-                    "its name is missing or taken, or a member is no link or welded to another",
+                    "its name is missing or already used, or one of its members is not a link or is welded "
+                    "to another link",
                 ),
             )
         taken_names.add(name)
+    # Only now is it known which groups are left.
     group_names = {name_of(group) for group in robot.iterfind(f"{DRAKE}collision_filter_group")}
     for group in robot.iterfind(f"{DRAKE}collision_filter_group"):
         for tag in _GROUPS:
@@ -662,7 +719,11 @@ def _drop_lost_groups(
                     report.add(
                         "dropped",
                         where,
-                        message("importer.no_group", "'{name}' is no group", name=name_of(other)),
+                        message(
+                            "importer.no_group",
+                            "'{name}' is not a collision filter group",
+                            name=name_of(other),
+                        ),
                     )
 
 
@@ -679,60 +740,46 @@ class _DroppedJoint(NamedTuple):
 
 
 def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_DroppedJoint]:
-    """Remove joints that do not join two links, in place; names of links that differ in case only are corrected.
+    """Remove joints that do not join two links, in place. Names of links that differ in case only are corrected.
+
+    Returns:
+        the removed joints, in file order.
 
     Raises:
         InvalidModel: a joint that moves an existing link has no parent link.
     """
     links = set(names(robot, "link"))
     link_in_any_case = {link.lower(): link for link in links}
-    is_case_unique = len(link_in_any_case) == len(links)
+    if len(link_in_any_case) < len(links):
+        # If two links differ in case only, it is not known which one a joint means.
+        link_in_any_case = {}
     dropped = []
+    # A list, since joints are removed from the robot in this loop.
     for joint in list(robot.iterfind("joint")):
         where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
         for end in ("parent", "child"):
             link = link_of(joint, end)
-            element = joint.find(end)
-            if link in links:
-                continue
-            # If two links differ in case only, the intended one is not known.
-            intended = link_in_any_case.get(link.lower())
-            if element is not None and intended is not None and is_case_unique:
-                element.set("link", intended)
-                report.add(
-                    "repaired",
-                    where,
-                    message(
-                        "importer.differs_in_case",
-                        "its {end} '{link}' is no link; '{intended}', which differs in case",
-                        end=end,
-                        link=link,
-                        intended=intended,
-                    ),
-                )
+            if link in links or _correct_case(joint, end, link_in_any_case, where, report):
                 continue
             robot.remove(joint)
-            problem = (
-                message(
+            if link:
+                problem = message(
                     "importer.end_is_no_link",
-                    "its {end} '{link}' is no link{suggestion}",
+                    "its <{end}> '{link}' is not a link{suggestion}",
                     end=end,
                     link=link,
                     suggestion=nearest(link, links),
                 )
-                if link
-                else message("importer.has_no_end", "it has no {end}", end=end)
-            )
-            if (
-                end == "parent"
-                and joint.get("type") in MOVABLE_JOINTS
-                and link_of(joint, "child") in links
-            ):
+            else:
+                problem = message("importer.has_no_end", "has no <{end}>", end=end)
+            # A joint without a child moves nothing. A link that loses its parent would be a robot of its own.
+            is_child_lost = end == "parent" and link_of(joint, "child") in links
+            if is_child_lost and joint.get("type") in MOVABLE_JOINTS:
                 raise report.refusal(
                     where,
                     message(
                         "importer.falls_apart",
-                        "{problem}; without it the robot falls apart",
+                        "{problem}; without this joint the links are not connected",
                         problem=problem,
                     ),
                 )
@@ -743,9 +790,50 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
                     "importer.joint_left_out", "{problem}; the joint is left out", problem=problem
                 ),
             )
+            # Kept for the case that the links are not connected without the joint, which is found later.
             dropped.append(_DroppedJoint(where, problem))
+            # The joint is removed, so its other end does not matter any more.
             break
     return dropped
+
+
+def _correct_case(
+    joint: ET.Element,
+    end: str,
+    link_in_any_case: Mapping[str, str],
+    where: str,
+    report: ImportReport,
+) -> bool:
+    """Correct the name of a joint's link if a link has this name with other capital letters, in place.
+
+    Args:
+        joint: the joint.
+        end: ``parent`` or ``child``.
+        link_in_any_case: names of the links, by these names in lower case.
+        where: the joint in words, for the report.
+        report: report of the import.
+
+    Returns:
+        whether the name was corrected.
+    """
+    element = joint.find(end)
+    link = link_of(joint, end)
+    intended = link_in_any_case.get(link.lower())
+    if element is None or intended is None:
+        return False
+    element.set("link", intended)
+    report.add(
+        "repaired",
+        where,
+        message(
+            "importer.differs_in_case",
+            "its <{end}> '{link}' is not a link; '{intended}' is used, which differs in case only",
+            end=end,
+            link=link,
+            intended=intended,
+        ),
+    )
+    return True
 
 
 def _keep_one_tree(
@@ -769,23 +857,26 @@ def _keep_one_tree(
     if len(roots) == 1:
         return
     joints_of_link = joints_at(robot)
-    # joints of each tree, by the name of its root
+    # The joints of each tree, by the name of its root.
     trees = {root: outward(joints_of_link, root) for root in roots}
+    # A tree in which nothing moves may be scenery around the robot.
     moving = [
         root
         for root, joints in trees.items()
         if any(joint.get("type") != "fixed" for joint in joints)
     ]
     largest = max(roots, key=lambda root: len(trees[root]))
+    # Of two rigid trees of equal size, neither is more probably the robot.
     as_large = [root for root in roots if len(trees[root]) == len(trees[largest])]
     if len(moving) > 1 or (not moving and len(as_large) > 1):
         if dropped_joints:
+            # The joint that was removed is the more probable cause, and the user can repair it.
             joint = dropped_joints[0]
             raise report.refusal(
                 joint.where,
                 message(
                     "importer.falls_apart",
-                    "{problem}; without it the robot falls apart",
+                    "{problem}; without this joint the links are not connected",
                     problem=joint.problem,
                 ),
             )
@@ -794,7 +885,7 @@ def _keep_one_tree(
             "",
             message(
                 "importer.several_roots",
-                "has {count} root links ({ends}); join them to one tree by joints",
+                "has {count} root links ({ends}); connect them by joints to one tree",
                 count=len(ends),
                 ends=listed(ends, 6),
             ),
@@ -817,6 +908,7 @@ def _remove_tree(
         joints: joints of the tree.
         report: report of the import.
     """
+    # The root link is no joint's child, so it is not among these.
     other_links = [link_of(joint, "child") for joint in joints]
     lost_links = {root, *other_links}
     for element in [
@@ -834,7 +926,7 @@ def _remove_tree(
         message("robots.link_called", "link '{link}'", link=root),
         message(
             "importer.no_joint_leads_to_it",
-            "no joint leads to it; left out{addition}",
+            "no joint connects this link with the robot; left out{addition}",
             addition=addition,
         ),
     )

@@ -34,8 +34,9 @@ from simrob_drake.programs.gaits.whole_body import WholeBody
 FEET = ("right_foot", "left_foot")
 """Names of the two feet, in the order in which they step."""
 
-_AXES_WITHOUT_YAW = 4  # a leg with so many axes has no yaw at the hip and no roll at the ankle
-_ALL_AXES = 6  # a leg with so many axes can place its foot in any pose
+# Kinds of legs by the count of their axes.
+_AXES_WITHOUT_YAW = 4  # no yaw at the hip and no roll at the ankle
+_ALL_AXES = 6  # the foot can have any pose
 
 
 class BipedWalk(EvenSteps, SolvedGait):
@@ -45,9 +46,9 @@ class BipedWalk(EvenSteps, SolvedGait):
     usual: ClassVar[str] = "walk"
 
     lift: Positive = 0.03
-    """Height of the swinging foot [m]."""
+    """Largest height of the swinging foot [m]."""
     double_support: Positive = 0.2
-    """Part of a step in which both feet stand."""
+    """Part of a step in which both feet stand [1]."""
     zmp_inward: Number = 0.0
     """Distance of the zero-moment point from the middle of each foot towards the other foot [m]."""
     zmp_ahead: Number = 0.0
@@ -94,13 +95,14 @@ def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
         InvalidParameter: the robot cannot perform the walk, or the count of steps is less than 1.
         OutOfReach: a leg is too short for a step, or a joint is beyond a limit.
     """
-    needed = message("programs.two_feet_to_walk", "two feet, to walk so")
+    needed = message("programs.two_feet_to_walk", "two feet for this gait")
     feet = walker.feet_by_name(FEET, gait.feet, needed)
     _check(walker.model.name, steps, gait, feet)
     start = {}
     for name, foot in feet.items():
         left = foot.home[1] + foot.side * gait.widen
         start[name] = np.array([0.0, left, 0.0])  # x, y, turn
+    # At the start the weight is on both feet, so the zero-moment point is half-way between them.
     plan = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _walk_phases(steps, gait, start))
     motion, zmp = WholeBody(walker, gait, plan).solve()
     return PlannedWalk(motion, plan.zmp, zmp)
@@ -130,6 +132,7 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
     for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
         swinging = FEET[number % 2]
         standing = FEET[(number + 1) % 2]
+        # The middle of the feet goes ahead by one step, and the swinging foot lands at its own side of it.
         pose = pose_after(pose, *(share * full_step))
         landing = pose_after(pose, left=start[swinging][1])
         # Before the first step the weight is on the standing foot already.
@@ -145,8 +148,10 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
         )
         phases.append(step)
         footholds[swinging] = landing
+    # The last step has brought the feet side by side: now the weight goes to both of them.
     middle = pose_after(pose, gait.zmp_ahead)[:2]
     phases.append(Phase(duration=gait.settle, zmp=middle, transfer=gait.settle, heading=pose[2]))
+    # A phase without duration is an error.
     if gait.rest > 0:
         phases.append(Phase(duration=gait.rest, zmp=middle, transfer=0.0, heading=pose[2]))
     return phases
@@ -166,11 +171,12 @@ def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> No
             gait.double_support,
             message("programs.part_of_step", "a part of the step, less than 1"),
         )
+    # Such a leg keeps its sole flat only as long as the foot moves straight ahead, see the module `legs`.
     has_leg_without_yaw = any(len(foot.axes) == _AXES_WITHOUT_YAW for foot in feet.values())
     if has_leg_without_yaw and (gait.turn_deg or gait.sideways):
         expected = message(
             "programs.legs_cannot_turn",
-            "0, since the legs of {robot} cannot turn or roll their feet",
+            "0, because the legs of {robot} can neither turn nor roll their feet",
             robot=robot,
         )
         raise InvalidParameter("turn_deg, sideways", (gait.turn_deg, gait.sideways), expected)
@@ -190,7 +196,8 @@ class Kick(SolvedGait):
     usual: ClassVar[str] = "kick"
 
     foot: str | None = None
-    """Name of the foot that kicks. If it is not set, the foot nearer to the ball, or the right one without a ball."""
+    """Name of the foot that kicks. If it is not set, the foot that has the ball most straight ahead, or the right foot
+    without a ball."""
     speed: Positive = 0.6
     """Speed of the foot's tip at the point that it hits [m/s]."""
     point: tuple[Number, Number] | None = None
@@ -199,7 +206,7 @@ class Kick(SolvedGait):
     toward_deg: Number = 0.0
     """Direction of the kick, counterclockwise from ahead [deg]."""
     swing: Positive = 0.08
-    """Distance over which the foot gathers its speed, and loses it [m]."""
+    """Distance over which the foot speeds up before the hit, and over which it slows down after the hit [m]."""
     lift: Positive = 0.03
     """Height of the sole during the kick [m]."""
     zmp_inward: Number = 0.0
@@ -207,9 +214,9 @@ class Kick(SolvedGait):
     zmp_ahead: Number = 0.0
     """Distance of the zero-moment point ahead of the middle of the standing foot [m]."""
     settle: Pace = 1.0
-    """Time to shift the weight to one foot, and to both again [s]."""
+    """Time of each of the two weight transfers: to one foot before the kick, and to both feet after it [s]."""
     raising: Pace = 0.6
-    """Time to bring the foot up and back, and down again [s]."""
+    """Time to raise the foot and bring it back, and again to lower it after the kick [s]."""
 
     def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
         """Plan the kick, see :meth:`Gait.plan`.
@@ -225,6 +232,7 @@ class Kick(SolvedGait):
         standing_zmp = np.array([self.zmp_ahead, -roles.standing.side * self.zmp_inward])
         over_standing = start[roles.standing.name][:2] + standing_zmp
         between_feet = np.array([self.zmp_ahead, 0.0])
+        # Three phases: the weight goes to the standing foot, the other foot kicks, and the weight goes to both feet.
         times = self._knot_times()
         phases = [
             Phase(duration=self.settle, zmp=over_standing, transfer=self.settle),
@@ -256,8 +264,8 @@ class Kick(SolvedGait):
             angles: angles of its n axes, shape (n,) [rad].
             ball: horizontal position of the ball in the world, shape (2,) [m].
             radius: radius of the ball [m].
-            toward: position in the world to which the ball shall go, shape (2,) [m]. If it is None, the ball goes where
-                the standing foot looks.
+            toward: position in the world towards which the ball is kicked, shape (2,) [m]. If it is None, the ball goes
+                where the standing foot looks.
 
         Returns:
             Values of the parameters `foot`, `toward_deg` and `point`, and of `lift` if the ball is so large that
@@ -279,7 +287,7 @@ class Kick(SolvedGait):
         if toward is not None:
             direction = _seen_from(standing_pose, toward) - position
         turn = float(np.arctan2(direction[1], direction[0]))
-        # The tip hits the ball's surface opposite to where the ball shall go.
+        # The tip hits the ball's surface opposite to the direction in which the ball is kicked.
         ball_in_plan = position + self._start_foothold(roles.standing)[:2]
         point = ball_in_plan - radius * np.array([np.cos(turn), np.sin(turn)])
         aim = {
@@ -287,6 +295,7 @@ class Kick(SolvedGait):
             "toward_deg": float(np.rad2deg(turn)),
             "point": point.tolist(),
         }
+        # The middle of the foot is `over` above its sole. A higher ball is hit in its middle if the sole is lifted.
         if radius > roles.kicking.over:
             aim["lift"] = radius - roles.kicking.over
         return aim
@@ -296,10 +305,10 @@ class Kick(SolvedGait):
 
         Raises:
             InvalidParameter: the robot has other feet, or the kick is to the side and the legs cannot turn their feet.
-            UnknownName: the foot that shall kick is none of them.
+            UnknownName: the robot has no foot with the name of the kicking foot.
         """
         feet = walker.feet_by_name(
-            FEET, self.feet, message("programs.two_feet_to_kick", "two, to kick")
+            FEET, self.feet, message("programs.two_feet_to_kick", "two feet for a kick")
         )
         if self.foot is not None and self.foot not in feet:
             raise UnknownName(
@@ -307,11 +316,12 @@ class Kick(SolvedGait):
                 self.foot,
                 feet,
             )
+        # A kick to the side turns the foot about the vertical, for which a leg needs a yaw axis.
         can_turn = all(len(foot.axes) >= _ALL_AXES for foot in feet.values())
         if self.toward_deg and not can_turn:
             expected = message(
                 "programs.legs_cannot_turn_feet",
-                "0, since the legs of {model} cannot turn their feet",
+                "0, because the legs of {model} cannot turn their feet",
                 model=walker.model.name,
             )
             raise InvalidParameter("toward_deg", self.toward_deg, expected)
@@ -351,11 +361,14 @@ class Kick(SolvedGait):
         if self.point is not None:
             # The tip is half the foot's length ahead of its middle.
             hit[:2] = self.point - foot.half[0] * direction[:2]
-        knots = np.zeros((5, 3, 4))
-        knots[[0, 4], 0] = [*home[:2], 0.0, home[2]]
-        knots[1:4, 0] = hit + np.outer([-self.swing, 0.0, self.swing], direction)
-        knots[2, 1] = self.speed * direction
-        return list(knots)
+        positions = np.zeros((5, 4))
+        positions[[0, 4]] = [*home[:2], 0.0, home[2]]
+        positions[1:4] = hit + np.outer([-self.swing, 0.0, self.swing], direction)
+        # The foot moves in the middle knot only. The acceleration is zero in all knots, so that it has no jumps.
+        velocities = np.zeros((5, 4))
+        velocities[2] = self.speed * direction
+        accelerations = np.zeros((5, 4))
+        return list(np.stack([positions, velocities, accelerations], axis=1))
 
 
 def _seen_from(foot_pose: Vector, position: Vector) -> Vector:

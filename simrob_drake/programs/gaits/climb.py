@@ -55,9 +55,9 @@ class Climb(SolvedGait):
     goals: Mapping[str, SolePose] | None = None
     """Poses of the soles at the end, by foot. If it is not set, `stride` ahead."""
     over: NotNegative = 0.0
-    """Height of the highest ground on the way over the lowest sole at the start [m]."""
+    """Height of the highest ground on the way, above the lowest sole at the start [m]."""
     turned: Number = 0.0
-    """Turn of the trunk to the left at the start [rad]. It ends at 0."""
+    """Angle by which the trunk is turned to the left at the start [rad]. It is 0 at the end."""
     stride: Positive = 0.1
     """Longest distance that a foot goes ahead on one level [m]."""
     lift: Positive = 0.03
@@ -65,17 +65,18 @@ class Climb(SolvedGait):
     step_time: Pace = 1.2
     """Time from one touchdown to the next [s]."""
     double_support: Positive = 0.4
-    """Part of a step in which all feet stand."""
+    """Part of a step in which all feet stand [1]."""
     settle: Pace = 0.8
-    """Time to shift the weight from the foot that goes first, and to all feet again at the end [s]."""
+    """Time of the first and of the last weight transfer: from the foot that goes first, and to all feet [s]."""
     zmp_inward: Number = 0.0
     """Distance of the zero-moment point from the middle of a standing foot towards the other foot, on two legs [m]."""
     inside: Positive = 0.04
-    """Least distance of the zero-moment point from the sides of three standing feet's triangle, on four legs [m]."""
+    """Least distance of the zero-moment point from the sides of the triangle of three standing feet, on four legs
+    [m]."""
     margin: NotNegative = 0.02
-    """Least distance of the toes from a riser ahead, and of the heels from one that they have come down [m]."""
+    """Least distance between the toes and a riser ahead, and between the heels and a riser behind them [m]."""
     overhang: NotNegative = 0.035
-    """Longest part of a sole with edges that may be over an edge below which the ground is lower [m]."""
+    """Longest part of a sole that may stick out over the edge of a step, over lower ground [m]."""
     rise: Positive = 0.06
     """Largest step up or down of a foot, on four legs [m]."""
     rest: NotNegative = 0.0
@@ -99,11 +100,11 @@ class Climb(SolvedGait):
         if not has_four_legs and not (has_two_legs and can_stay_level):
             expected = message(
                 "programs.legs_to_climb",
-                "one with two legs of six joints, or with four legs, to climb so",
+                "a robot with two legs of six joints, or with four legs",
             )
             raise InvalidParameter(
                 message("base.robot_called", "robot {name}", name=walker.model.name),
-                message("programs.count_of_feet", "one with {count} feet", count=len(feet)),
+                message("programs.count_of_feet", "a robot with {count} feet", count=len(feet)),
                 expected,
             )
         return WholeBody(walker, self, self._gait_plan(feet)).solve()[0]
@@ -120,18 +121,19 @@ class Climb(SolvedGait):
             )
             expected = message(
                 "programs.soles_with_edges",
-                "soles with edges (boxes), which may stand over those of stairs: {choices}",
+                "box soles, which can stick out over the edges of steps: {choices}",
                 choices=choices,
             )
         else:
             expected = message(
                 "programs.describe_soles",
-                "soles with edges, which may stand over those of stairs: give the robot boxes under feet.contacts in "
-                "its {file}",
+                "box soles, which can stick out over the edges of steps: add boxes under feet.contacts in its {file}",
                 file=ROBOT_FILE,
             )
         raise InvalidParameter(
-            message("programs.feet_of", "feet of {model}", model=model.name), str(worn), expected
+            message("programs.feet_of", "kind of feet of {model}", model=model.name),
+            str(worn),
+            expected,
         )
 
     @property

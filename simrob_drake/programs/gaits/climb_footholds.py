@@ -272,7 +272,7 @@ class SoleFootholds:
         tread = self._ground.tread(position[0])
         if tread is None:
             raise InvalidParameter(
-                message("programs.place_of_foot", "place of a foot"),
+                message("programs.place_of_foot", "position of a foot"),
                 message("programs.place_ahead", "{place:.2f} m ahead", place=position[0]),
                 message("programs.on_level_ground", "on level ground"),
             )

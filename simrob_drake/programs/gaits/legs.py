@@ -19,10 +19,10 @@ ROWS = {6: [0, 1, 2, 3, 4, 5], 4: [0, 2, 3, 4], 3: [0, 1, 2]}
 
 _POSITION_ROWS = 3  # the first three coordinates are those of the position
 _MOST_ITERATIONS = 300  # largest count of iterations of the inverse kinematics
-_TOLERANCE = np.array(
-    [1e-9, 1e-9]
-)  # errors of position [m] and rotation [rad] at which the iteration stops
-_METRES_PER_RADIAN = 3.0  # weight of a rotation error, for targets that the leg cannot reach: a foot stays nearly flat
+# Errors of position [m] and rotation [rad] at which the iteration stops.
+_TOLERANCE = np.array([1e-9, 1e-9])
+# Weight of a rotation error. For targets that the leg cannot reach, it is so large that the foot stays nearly flat.
+_METRES_PER_RADIAN = 3.0
 _LARGEST_ERROR = 1e-4  # a target with a larger error of a coordinate is out of reach [m or rad]
 
 
@@ -58,12 +58,12 @@ def leg_angles(
     axes = list(foot.axes)  # indices of the leg's axes
     if len(axes) not in ROWS:
         raise InvalidParameter(
-            message("programs.leg_of", "leg of {foot}", foot=foot.name),
-            message("programs.count_of_joints", "{count} joints", count=len(axes)),
-            message("programs.joints_of_leg", "three, four or six joints"),
+            message("programs.leg_of", "count of joints in the leg of {foot}", foot=foot.name),
+            len(axes),
+            message("programs.joints_of_leg", "three, four or six"),
         )
     rows = ROWS[len(axes)]
-    # of squared errors; a coordinate that the leg cannot reach has the weight 0
+    # Weights of squared errors. A coordinate that the leg cannot reach has the weight 0: its error does not count.
     weights = np.zeros(6)
     weights[rows] = [1.0 if row < _POSITION_ROWS else _METRES_PER_RADIAN**2 for row in rows]
     fit = fit_postures(
@@ -86,8 +86,8 @@ def leg_angles(
         raise OutOfReach(
             message(
                 "programs.leg_out_of_reach",
-                "the leg of {foot} is out of reach by {distance} mm at {time:.2f} s; take shorter or "
-                "lower steps, or let the hips come down",
+                "the leg of {foot} is {distance} mm too short at {time:.2f} s; take shorter or lower steps, or lower "
+                "the hips",
                 foot=foot.name,
                 distance=distance,
                 time=message_times[worst],

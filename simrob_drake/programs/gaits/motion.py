@@ -38,7 +38,8 @@ MAX_STEP = 0.005
 which compute each step three times, and they take half to three quarters of the time.
 """
 
-_FLOOR_AROUND = 1.0  # floor that has to remain around the path of a motion [m]
+# Floor that has to remain around the path of a motion [m]: feet and a fallen robot reach beyond the root link.
+_FLOOR_AROUND = 1.0
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ class JointMotion:
     def velocities(self) -> Vector:
         """Velocities of the axes, shape (m, n) [rad/s]. They are zero at both ends."""
         rates = np.gradient(self.positions, self.times, axis=0)
+        # The one-sided differences at the ends are not zero, but a motion begins and ends at rest.
         rates[[0, -1]] = 0.0
         return np.asarray(rates)
 
@@ -93,6 +95,7 @@ class JointMotion:
             overrides: further changes, as for ``load_station``. The keys that they set are not adapted to the motion.
             name: name of the station. If it is None, ``<robot>_dynamic``.
         """
+        # The robot starts in the first posture of the plan. A program of the station would move the same axes.
         settings: dict[str, Any] = {
             "robot.base": poses_from_matrices(self.root)[0].tolist(),
             "robot.initial_deg": np.rad2deg(self.positions[0]).tolist(),
@@ -102,9 +105,11 @@ class JointMotion:
         if self.feet is not None:
             settings["robot.feet"] = self.feet
         # A robot that is not one of the package is loaded from its own folder.
+        # Two robots may have the same name: that of the package, and one in a folder of the user.
         is_of_package = self.model.folder == models_root() / self.model.name
         if not is_of_package:
             settings["robot.model"] = str(self.model.folder / ROBOT_FILE)
+        # The overrides come last: the user may change the start and the duration, too.
         changes = overrides or {}
         config = load_station(name or f"{self.model.name}_dynamic", {**settings, **changes})
 
@@ -143,7 +148,9 @@ class JointMotion:
         """
         if not config.engine.moves_by_forces:
             return config
+        # Gains of the motion replace those of the station, unless the user has changed them on purpose.
         gains = {key: value for key, value in self.servo.items() if f"servo.{key}" not in changed}
+        # Only gains that the station sets are copied, so that the others still count as not set.
         station_gains = config.servo_of(robot).model_dump(exclude_unset=True)
         servo = ServoConfig(**{**station_gains, **gains})
         robot_entry = config.robots[robot].model_copy(update={"servo": servo})
@@ -155,8 +162,9 @@ class JointMotion:
             size = max(config.floor.size, float(np.ceil(needed)))
             changes["floor"] = config.floor.model_copy(update={"size": size})
         if self.feed_velocity and "inputs" not in changed:
+            # The station may have this input already, and each input may be listed only once.
             inputs = (*config.inputs, "reference_velocity")
-            changes["inputs"] = tuple(dict.fromkeys(inputs))  # each input once
+            changes["inputs"] = tuple(dict.fromkeys(inputs))
         if self.falls and "monitors" not in changed:
             changes["monitors"] = monitors_without_fall(config, robot)
         changes["solver"] = short_steps(config.solver, changed)
@@ -255,6 +263,7 @@ class Gait(Strict):
         file = walker.gaits
         gaits = file.section(cls.section)
         if name not in gaits:
+            # An empty section would give a message without any name: then gaits of other kinds are proposed.
             # Walks that react to measurements are no gaits that are planned before they begin.
             others = [
                 compound("{other} ({section})", other=other, section=section)
@@ -291,8 +300,10 @@ class Gait(Strict):
         scaled = {}
         for key in self.scaled:
             value = getattr(self, key, 0.0)
-            if value:  # a parameter that is zero stays unset
+            # No amplitude changes a parameter that is zero: it stays unset.
+            if value:
                 scaled[key] = factor * value
+        # Later entries replace earlier ones: a parameter that the caller changes is not scaled.
         return validated(
             type(self),
             {**self.model_dump(exclude_unset=True), **scaled, **changes},
@@ -348,15 +359,15 @@ class Gait(Strict):
         return False
 
     def check_feet(self, model: RobotModel, worn: str | None, key: str) -> None:
-        """Check the kind of feet that a robot wears, beyond their size; most gaits ask for nothing else.
+        """Check that the kind of feet suits this gait, apart from their size. The base class accepts every kind.
 
         Args:
             model: the robot.
-            worn: name of the kind of feet.
-            key: key of the station that chooses it.
+            worn: kind of feet that the robot has in its station.
+            key: key of the station that chooses the kind of feet, for the message.
 
         Raises:
-            InvalidParameter: the gait needs other feet; the message says how to choose them.
+            InvalidParameter: the gait needs other feet; the message has the command that chooses them.
         """
 
     def made_for(self, model: RobotModel) -> str | None:
@@ -373,7 +384,7 @@ class SolvedGait(Gait):
     bearing: ArmBearing
     """Posture of the trunk and of the arms."""
     widen: Number = 0.0
-    """Distance of each foot, to its own side, from where it is with straight legs, or from below its hip [m]."""
+    """Distance by which each foot stands further out than with straight legs, or than below its hip [m]."""
     servo: Mapping[str, AxisValues] = Field(default_factory=dict)
     """Gains of the servos that replace those of the station: kp, kd."""
 
@@ -395,6 +406,6 @@ class EvenSteps(Strict):
     turn_deg: Number = 0.0
     """Angle by which each step turns the robot to the left [deg]."""
     ramp_steps: Integer = Field(default=3, ge=0)
-    """Count of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
+    """Count of steps at the start in which the step length grows. At the end it shrinks in as many steps."""
     settle: Pace = 0.6
-    """Time to shift the weight at the start and at the end [s]."""
+    """Time of each of the two weight transfers, at the start and at the end [s]."""

@@ -76,7 +76,8 @@ class Phase:
                 "phase",
                 repr(self),
                 message(
-                    "programs.phase_longer_than_parts", "one whose parts are no longer than itself"
+                    "programs.phase_longer_than_parts",
+                    "a phase that is longer than its parts: transfer, and delay, hold and rest together",
                 ),
             )
 
@@ -119,7 +120,11 @@ def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) 
         InvalidParameter: there is no phase, or the phases take longer than the longest plan.
     """
     if not phases:
-        raise InvalidParameter("phases", "empty", message("programs.at_least_one", "at least one"))
+        raise InvalidParameter(
+            message("programs.count_of_phases", "count of phases"),
+            0,
+            message("programs.at_least_one", "at least one"),
+        )
     ends = np.cumsum([phase.duration for phase in phases])  # time at which each phase ends [s]
     times = samples(float(ends[-1]))
     count = len(times)

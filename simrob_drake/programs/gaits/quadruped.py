@@ -38,9 +38,8 @@ _BEFORE = 0.5
 _SHIFT = 1.0
 _RAISE = 0.6
 
-_INSIDE_TOLERANCE = (
-    1e-9  # how far outside a point may be to count as on the line, for rounding errors [m]
-)
+# Candidates of `nearest_inside` are computed on the sides themselves: rounding errors may put them outside [m].
+_INSIDE_TOLERANCE = 1e-9
 
 
 class Trot(EvenSteps, SolvedGait):
@@ -50,13 +49,13 @@ class Trot(EvenSteps, SolvedGait):
     usual: ClassVar[str] = "trot"
 
     ramp_steps: Integer = Field(default=4, ge=0)
-    """Count of additional steps at the start, in which the step length grows, and at the end, in which it shrinks."""
+    """Count of steps at the start in which the step length grows. At the end it shrinks in as many steps."""
     lift: Positive = 0.05
-    """Height of the swinging feet [m]."""
+    """Largest height of the swinging feet [m]."""
     lead: Number = 0.0
-    """Distance of the trunk ahead of the middle of its feet, as a part of the step."""
+    """Distance of the trunk ahead of the middle of its feet, as a part of the step [1]."""
     all_stand: Positive = 0.1
-    """Part of a step in which all feet stand."""
+    """Part of a step in which all feet stand [1]."""
 
     def plan(self, walker: Walker, steps: int, amplitude: float = 1.0) -> JointMotion:
         """Plan the trot, see :meth:`Gait.plan`.
@@ -69,12 +68,14 @@ class Trot(EvenSteps, SolvedGait):
         check_steps(steps)
         start = _start_footholds(walker, self)
         origin = np.zeros(2)
+        # The robot stands first, so that its servos have come to rest before the first feet lift off.
         phases = [Phase(duration=self.settle, zmp=origin, transfer=0.0)]
         pose = np.zeros(3)  # of the middle of the feet: x, y, turn
         full_step = np.array([self.step_length, self.sideways, np.deg2rad(self.turn_deg)])
         for number, share in enumerate(ramp_shares(steps, self.ramp_steps)):
             landing = pose_after(pose, *(share * full_step))
             # The trunk goes over the middle between the pair that stands and the pair that lands, and leads it.
+            # Two feet support along a line only. This line goes through the middle between both pairs' footholds.
             between = pose_after((pose + landing) / 2, *(share * self.lead * full_step))
             swing = {foot: pose_after(landing, *start[foot][:2]) for foot in PAIRS[number % 2]}
             phases.append(
@@ -115,9 +116,9 @@ class Crawl(SolvedGait):
     stride: Number = 0.0
     """Distance that each leg swings ahead [m]."""
     lift: Positive = 0.04
-    """Height of the swinging foot [m]."""
+    """Largest height of the swinging foot [m]."""
     shift: Positive = 0.6
-    """Part of the leg's time in which all feet stand, while the trunk moves over the next three standing feet."""
+    """Part of the leg's time in which all feet stand, while the trunk moves over the next three standing feet [1]."""
     settle: Pace = 0.8
     """Time to stand before the first leg and after the last one [s]."""
 
@@ -132,14 +133,16 @@ class Crawl(SolvedGait):
         check_steps(steps)
         start = _start_footholds(walker, self)
         footholds = {foot: foothold.copy() for foot, foothold in start.items()}
+        # Each leg's time has two parts: all feet stand while the trunk moves, then the leg swings.
         shift_time = self.shift * self.leg_time
         phases = [Phase(duration=self.settle, zmp=np.zeros(2), transfer=0.0)]
         for number in range(steps):
             swinging = CRAWL_ORDER[number % 4]
             triangle = np.array([footholds[foot][:2] for foot in footholds if foot != swinging])
+            # The trunk moves no further than it has to: to the allowed position that is nearest to the feet's middle.
             over = nearest_inside(_middle_of(footholds), triangle, self.inside)
             landing = pose_after(footholds[swinging], self.stride)
-            # The foot lifts off only when the trunk is over the other three.
+            # The foot lifts off only when the trunk is over the other three: without them the robot would tip over.
             phases.append(
                 Phase(
                     duration=self.leg_time,
@@ -151,6 +154,7 @@ class Crawl(SolvedGait):
                 )
             )
             footholds[swinging] = landing
+        # After the last leg the trunk returns to the middle of all four feet, where the robot stands most firmly.
         end = _middle_of(footholds)
         phases.append(Phase(duration=self.settle + self.rest, zmp=end, transfer=self.settle))
         return _motion_of_phases(walker, self, start, phases)
@@ -182,6 +186,7 @@ class Stand(SolvedGait):
         if self.foot not in start:
             what = message("programs.foot_of", "foot of {model}", model=walker.model.name)
             raise UnknownName(what, self.foot, start)
+        # The middle of the feet is the origin of the plan.
         origin = np.zeros(2)
         triangle = np.array([start[foot][:2] for foot in start if foot != self.foot])
         over = nearest_inside(origin, triangle, self.inside)
@@ -189,7 +194,8 @@ class Stand(SolvedGait):
             duration=self.seconds + 2 * _RAISE,
             zmp=over,
             transfer=0.0,
-            swing={self.foot: start[self.foot]},  # it lands where it was
+            # The foot lands where it was: it only goes up and down.
+            swing={self.foot: start[self.foot]},
             lift=self.height,
             hold=self.seconds,
         )
@@ -247,6 +253,7 @@ def nearest_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     Raises:
         InvalidParameter: no position in the triangle has this distance from all sides.
     """
+    # The determinant is twice the signed area of the triangle, positive for counterclockwise corners.
     is_counterclockwise = np.linalg.det(triangle[1:] - triangle[0]) > 0
     corners = triangle if is_counterclockwise else triangle[::-1]
     # A position p is allowed if n p >= d for each side, with the unit normal n that points inside.
@@ -258,6 +265,7 @@ def nearest_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
     candidates = [np.asarray(point, dtype=float)]
     for normal, offset in zip(normals, offsets, strict=True):
         candidates.append(point + (offset - normal @ point) * normal)
+    # Where two moved sides meet, both conditions hold with equality: two linear equations for the corner.
     candidates += [
         np.linalg.solve(normals[pair], offsets[pair]) for pair in ([0, 1], [1, 2], [2, 0])
     ]
@@ -272,7 +280,7 @@ def nearest_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
             margin,
             message(
                 "programs.within_triangle",
-                "smaller than what the triangle of three feet has room for [m]",
+                "smaller than the radius of the circle inside the triangle of three feet [m]",
             ),
         )
     return min(allowed, key=lambda position: float(np.linalg.norm(position - point)))
@@ -289,7 +297,7 @@ def _start_footholds(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
     Raises:
         InvalidParameter: the robot has other feet.
     """
-    needed = message("programs.four_feet_to_walk", "four feet, to walk so")
+    needed = message("programs.four_feet_to_walk", "four feet for this gait")
     feet = walker.feet_by_name(CRAWL_ORDER, gait.feet, needed)
     footholds = {}
     for name, foot in feet.items():

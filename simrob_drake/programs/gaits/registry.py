@@ -69,6 +69,7 @@ def gaits_model() -> type[Strict]:
     A section contains the gaits of its kind by name.
     """
     sections: dict[str, Any] = {}
+    # Sections of extensions become keys of the model, so that their files are checked as strictly as the others.
     for kind in gait_kinds():
         described: Any = Field(default_factory=dict, description=f"{kind.__doc__} By name.")
         sections[kind.section] = (dict[str, kind], described)  # type: ignore[valid-type]
@@ -135,10 +136,12 @@ def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
         worn: kind of feet that the robot has in its station, or None if it has no feet.
         made: kind of feet for which the gait is made, or None if it needs no feet.
     """
+    # A robot without feet can use only gaits that need none.
     if worn == made or worn is None or made is None:
         return worn == made
     worn_sizes = _foot_sizes(model, worn)
     made_sizes = _foot_sizes(model, made)
+    # Sizes of feet on different links cannot be compared.
     if worn_sizes.keys() != made_sizes.keys():
         return False
     return all((worn_sizes[link] >= _LEAST_SIZE * made_sizes[link]).all() for link in worn_sizes)
@@ -156,7 +159,7 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
 
     Raises:
         InvalidParameter: there is no gait for these feet. The message names the feet for which there is one.
-        Unsuitable: there are no gaits. The message says how the robot walks instead.
+        Unsuitable: there are no gaits. The message has the way in which the robot walks instead.
     """
     if not known:
         raise _no_walk(model)
@@ -167,12 +170,12 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
         return fitting[0]
     kinds = ", ".join(dict.fromkeys(str(made) for made in made_for.values()))  # each kind once
     raise InvalidParameter(
-        message("programs.feet_of", "feet of {model}", model=model.name),
+        message("programs.feet_of", "kind of feet of {model}", model=model.name),
         str(worn),
         message(
             "programs.feet_with_gait",
-            "some that it has a gait for: {kinds} (robot.feet)",
-            kinds=kinds or message("programs.another_robot", "another robot"),
+            "a kind for which it has a gait: {kinds} (robot.feet)",
+            kinds=kinds,
         ),
     )
 
@@ -182,20 +185,21 @@ def _no_walk(model: RobotModel) -> Unsuitable:
     subject = message("base.robot_called", "robot {name}", name=model.name)
     file = gaits_file(model)
     if not file.section(REACTING):
-        problem = message("programs.no_gait_with_steps", "it has no gait with steps")
+        problem = message("programs.no_gait_with_steps", "its file of gaits has no gait with steps")
         remedy = message(
-            "programs.use_acts", "use an act, or write a gait into its {file}", file=file.file.name
+            "programs.use_acts", "use an act, or add a gait to its {file}", file=file.file.name
         )
         return Unsuitable(subject, problem, remedy)
-    problem = message("programs.no_planned_walk", "it has no planned walk, and walks by commands")
+    problem = message("programs.no_planned_walk", "it has no planned walk: it walks by commands")
     go = message("programs.go_in_program", "{{go: {{ahead: 0.1}}}} in a program")
     station = model.folder / _WALKING
     if not station.is_file():
         return Unsuitable(subject, problem, message("programs.use_go", "use {go}", go=go))
+    # The command in the message shall work as it is typed, and be as short as possible.
     here = Path.cwd()
     shown = station.relative_to(here) if station.is_relative_to(here) else station
     remedy = message(
-        "programs.run_walking_or_go", "type simrob run {file}, or use {go}", file=shown, go=go
+        "programs.run_walking_or_go", "run `simrob run {file}`, or use {go}", file=shown, go=go
     )
     return Unsuitable(subject, problem, remedy)
 

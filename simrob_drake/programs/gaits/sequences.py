@@ -60,8 +60,8 @@ class March(Gait):
     start_deg: AxisValues
     """Posture at the start and at the end [deg]."""
     left: Annotated[tuple[AxisValues, ...], Field(min_length=2)]
-    """Postures of a step with the left foot [deg]. Axes that are left out are as at the start. The right one mirrors
-    them."""
+    """Postures of a step with the left foot [deg]. Axes that are left out are as at the start. The step with the right
+    foot is the mirror image."""
     feed_velocity: Boolean = False
     """Whether the servos get the velocity of the reference as well. They do not in the thesis."""
 
@@ -76,15 +76,18 @@ class March(Gait):
         check_steps(steps)
         positive(amplitude, "amplitude", "1")
         model = walker.model
+        # A file describes the left step only. The right one mirrors it, so that the walk is symmetric.
         start = _posture(model, self.start_deg, np.zeros(len(model.axes)))
         left_step = [_posture(model, posture, start) for posture in self.left]
         right_step = [exchange_sides(model, posture) for posture in left_step]
         postures = [start]
         for number in range(steps + 1):
             step = right_step if number % 2 else left_step
+            # The feet are side by side at both ends. So the first step is half as long, and the last one ends in the
+            # posture at the start.
             if number == steps:
-                step = [*step[:-1], start]  # the last step ends in the posture at the start
-            share = amplitude * (0.5 if number == 0 else 1.0)  # the first step is half as long
+                step = [*step[:-1], start]
+            share = amplitude * (0.5 if number == 0 else 1.0)
             postures += [start + share * (posture - start) for posture in step]
         times = [float(time) for time in np.arange(len(postures)) * self.move_time]
         motion = _join_postures(walker, self.feet, _Knots(times, postures), "linear", self.rest)
@@ -104,13 +107,13 @@ class Posing(Gait):
     repeat: Integer = Field(default=1, ge=1, le=1000)
     """Count of times that the targets are repeated."""
     held: Boolean = False
-    """Whether the sequence is for a robot that is held by its trunk."""
+    """Whether the sequence is for a robot whose trunk is held."""
     ramps: Ramps = "smooth"
     """Smooth: at rest in every posture. Linear: straight lines, as in the thesis."""
     feed_velocity: Boolean = True
     """Whether the servos get the velocity of the reference as well. They do not in the thesis."""
     falls: Boolean = False
-    """Whether the robot ends on the floor. Monitors of a fall do not watch it then."""
+    """Whether the sequence ends with the robot on the floor. If so, monitors of a fall ignore the robot."""
 
     @property
     def hangs(self) -> bool:
@@ -126,6 +129,7 @@ class Posing(Gait):
             amplitude: not used.
         """
         knots = self._knots(walker.model)
+        # Times of all repetitions, so that a first target at the time 0 is refused as well.
         if (np.diff(knots.times) <= 0).any():
             raise InvalidParameter(
                 "targets",
@@ -134,19 +138,21 @@ class Posing(Gait):
                     "at {times} s",
                     times=[target.time for target in self.targets],
                 ),
-                message("programs.one_after_other", "one after the other"),
+                message("programs.one_after_other", "at ascending times after 0 s"),
             )
         motion = _join_postures(walker, self.feet, knots, self.ramps, self.rest)
         return replace(motion, feed_velocity=self.feed_velocity, falls=self.falls)
 
     def _knots(self, model: RobotModel) -> _Knots:
         """Compute the postures of all repetitions, and their times."""
+        # The start is the posture at the time 0. A repetition continues from the last target, not from the start.
         times = [0.0]
         postures = [_posture(model, self.start_deg, np.zeros(len(model.axes)))]
         for repetition in range(self.repeat):
             start_time = repetition * self.targets[-1].time
             for target in self.targets:
                 times.append(start_time + target.time)
+                # Axes that a target leaves out stay where the target before has put them.
                 postures.append(_posture(model, target.target_deg, postures[-1]))
         return _Knots(times, postures)
 
@@ -175,6 +181,7 @@ def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None)
         return 0.0
     frames = skeleton.frames(angles[np.newaxis])  # with the root at the height 0
     contact = skeleton.model.feet.kind(feet)
+    # Feet are below the root, so their heights are negative while the root is at the height 0.
     lowest = 0.0
     for link in contact.links:
         points = contact.lowest_points(link, skeleton.link_poses(link, frames))[0]
@@ -221,9 +228,11 @@ def _join_postures(
     starts = times[before]
     ends = times[before + 1]
     share = np.clip((sample_times - starts) / (ends - starts), 0.0, 1.0)
+    # Without this the speed jumps at each posture, as in the thesis.
     if ramps == "smooth":
         share = smooth(share)
     positions = postures[before] + share[:, np.newaxis] * (postures[before + 1] - postures[before])
+    # The root stays over one position at the height of the first posture: how it moves then depends on the contacts.
     height = standing_height(walker.skeleton, postures[0], feet)
     root = stacked(np.tile([0.0, 0.0, height], (count, 1)), np.tile(np.eye(3), (count, 1, 1)))
     return JointMotion(walker.model, feet, sample_times, positions, root)

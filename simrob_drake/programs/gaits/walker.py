@@ -1,6 +1,6 @@
 r"""A robot as planners of gaits see it: skeleton, parameters of its gaits, and its feet in the walking direction.
 
-Planners let every robot walk along x, with y to its left, in the frame of the ground. A robot whose own link frames
+In plans every robot walks along x, with y to its left, in the frame of the ground. A robot whose own link frames
 look elsewhere is turned by :func:`facing_rotation`. Each :class:`Foot` has a point in the middle of its contact, whose
 pose is the identity rotation while the foot stands flat and looks ahead.
 
@@ -120,15 +120,17 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
     if model.feet is None:
         raise InvalidParameter(
             message("base.robot_called", "robot {name}", name=model.name),
-            message("programs.robot_without_feet", "one without feet"),
-            message("programs.legged_robot", "a legged one, to walk"),
+            message("programs.robot_without_feet", "a robot without feet"),
+            message("programs.legged_robot", "a robot with feet"),
         )
     contact = model.feet.kind(kind)
     facing = stacked(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
     feet = []
     for link in contact.links:
+        # With all axes at zero each foot stands flat and looks ahead: this defines its upright rotation.
         home = facing @ skeleton.links[link][1]  # pose of the link when all axes are zero
         upright = home[:3, :3]
+        # A box is a sole, spheres are a ball. A foot of several spheres, such as one at each corner, is flat as well.
         if link in contact.boxes:
             sole = contact.boxes[link]
             point = np.array(sole.centre)
@@ -139,12 +141,11 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             middle = (spheres.min(axis=0) + spheres.max(axis=0)) / 2
             point = upright.T @ middle
             over = contact.surface(link).radius
+        # Points of the contact around the middle of the foot, along the axes of the walking direction.
         support = (contact.support_points(link) - point) @ upright.T
         # The tool frame looks ahead when the foot does: it undoes the rotation of the link.
         tool = stacked(point[np.newaxis], upright.T[np.newaxis])[0]
-        limb = skeleton.limb(link, tool)
-        axes = limb[0]
-        leg = limb[1]
+        axes, leg = skeleton.limb(link, tool)
         feet.append(
             Foot(
                 name=_foot_name(skeleton, link),
@@ -196,15 +197,12 @@ def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: 
     about = np.stack([twice_about_x, twice_about_y], axis=1) / 2
     # Rolling without slip: dc = (rotation vector) x (r e_z) = r (about y, -about x).
     move = radius * np.column_stack([about[:, 1], -about[:, 0]])
+    # The foot rolls between two samples only if it stands in both.
     stays_down = standing[1:] & standing[:-1]
     path = np.vstack([np.zeros((1, 2)), np.cumsum(move * stays_down[:, np.newaxis], axis=0)])
+    # From one edge to the next the foot either stands or is in the air.
     changes = np.flatnonzero(np.diff(standing.astype(int))) + 1
-    # the foot stands, or is in the air, from one edge to the next
-    edges = [
-        0,
-        *changes,
-        len(standing),
-    ]
+    edges = [0, *changes, len(standing)]
     result = np.zeros((len(standing), 2))
     at_liftoff = np.zeros(2)
     for start, end in pairwise(edges):
@@ -268,7 +266,7 @@ class Walker:
         Args:
             names: names of the feet that the gait moves.
             kind: kind of feet. If it is None, the default one.
-            needed: description of the feet for the error message, such as "two feet, to walk so".
+            needed: description of the feet for the error message, such as "two feet for this gait".
 
         Returns:
             The feet by name, in the order of the robot's model.
@@ -280,8 +278,8 @@ class Walker:
         if sorted(feet) != sorted(names):
             raise InvalidParameter(
                 message("base.robot_called", "robot {name}", name=self.model.name),
-                message("programs.count_of_feet", "one with {count} feet", count=len(feet)),
-                message("programs.robot_with", "one with {needed}", needed=needed),
+                message("programs.count_of_feet", "a robot with {count} feet", count=len(feet)),
+                message("programs.robot_with", "a robot with {needed}", needed=needed),
             )
         return feet
 
@@ -303,6 +301,8 @@ def exchange_sides(model: RobotModel, values: Vector) -> Vector:
     """
     names = list(model.axes)
     result = np.empty_like(values)
+    # Signs of axes are mirrored in the models: pitch axes turn forward and roll axes outward on both sides. A yaw axis
+    # turns to the left on both sides, so only its sign changes in the mirror.
     for index, name in enumerate(names):
         side, _, rest = name.partition("_")
         other = index

@@ -38,9 +38,7 @@ LEFT = np.array([0.0, 1.0, 0.0])
 ROUNDS = 4
 """Count of rounds in which the error of the zero-moment point is reduced."""
 
-_AXES_WITHOUT_ANKLE_ROLL = (
-    4  # a leg with so many axes has no yaw at the hip and no roll at the ankle
-)
+_AXES_WITHOUT_ANKLE_ROLL = 4  # count of axes of a leg without yaw at the hip and roll at the ankle
 _SMALL_LEAN = 1e-3  # lean by which the effect of a lean is measured [rad]
 
 
@@ -274,7 +272,7 @@ class WholeBody:
         return angles, points[0]
 
     def _motion_in_world(self, angles: Vector, root: Vector) -> JointMotion:
-        """Turn the motion from walking along x to where the robot looks, and let it begin over the world's origin.
+        """Turn the motion from walking along x to where the robot looks, and start it over the world's origin.
 
         Args:
             angles: angles of all axes, shape (m, n) [rad].

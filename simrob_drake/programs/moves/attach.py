@@ -51,6 +51,7 @@ class AttachMove(Move):
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
         """Attach the piece: to the current tool of an arm, unless the move names another tool or a parent."""
         own_robot = self.robot or robot
+        # The tool that is in use may have been changed by a `tool` move, so only the station can resolve it.
         if self.parent is None and self.tool is None:
             cell.take(self.piece, own_robot, frame=self.frame, pose=self.pose)
             return
@@ -69,10 +70,12 @@ class AttachMove(Move):
         outlook.station = reparent_piece(
             model, self.piece, mount.parent, frame=mount.frame, pose=self.pose
         )
+        # Later gaits depend on the load, and its place is not known exactly yet: they are planned again when they run.
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:
             """Attach the piece."""
+            # The stage runs on the station of that time, which may differ from the outlook.
             with naming(name):
                 mount = self.mount(robot.cell.config, self.robot or robot.name)
                 robot.cell.attach(self.piece, mount.parent, frame=mount.frame, pose=self.pose)
@@ -88,6 +91,7 @@ class AttachMove(Move):
         """
         if self.parent is not None:
             return Mount(self.parent, self.frame)
+        # A tool may be a piece, such as a gripper that the robot carries. Then the new piece hangs on that piece.
         if self.tool is not None and self.tool in station.pieces:
             return Mount(self.tool, self.frame)
         return Mount(robot, self.tool or self.frame)
@@ -123,6 +127,7 @@ class ReleaseMove(Move):
         outlook.station = release_piece(
             model, self.piece, self.parent, frame=self.frame, fixed=self.fixed
         )
+        # Later gaits depend on the load: they are planned again when they run.
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:

@@ -29,7 +29,7 @@ from simrob_drake.programs.gaits.walker import UP, Foot, Walker, rotations_about
 from simrob_drake.programs.geometry import LeggedGeometry
 from simrob_drake.programs.legged_gait import perform, planned_gait
 from simrob_drake.programs.moves.move import Move, Outlook, Stage, naming
-from simrob_drake.results.result import SimulationResult, joined
+from simrob_drake.results.result import SimulationResult, join_runs
 from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import resolve
@@ -77,9 +77,12 @@ class ClimbMove(Move):
                 "distance",
                 compound("{distance:g} m", distance=self.distance),
                 message(
-                    "programs.farthest_climb", "at most {farthest:g} m at once", farthest=_FARTHEST
+                    "programs.farthest_climb",
+                    "at most {farthest:g} m in one move",
+                    farthest=_FARTHEST,
                 ),
             )
+        # One stride on level ground finds wrong parameters and legs that are too short before any move runs.
         planned_gait(robot, self.gait, changes, station=outlook.station)
         outlook.changed = True
 
@@ -94,6 +97,7 @@ class ClimbMove(Move):
                         message("programs.place_ahead", "{place:.2f} m ahead", place=position)
                     ):
                         planned_gait(robot, self.gait, {**changes, **stride}, bends=True)
+            # A monitor or the user may end a stride early: then no further stride follows.
             runs = list[SimulationResult]()
             while not runs or runs[-1].ending == "completed":
                 stride = path.next_stride(path.current_stance(robot))
@@ -102,7 +106,7 @@ class ClimbMove(Move):
                 with naming(name):
                     motion = planned_gait(robot, self.gait, {**changes, **stride}, bends=True)
                 runs.append(perform(robot, motion))
-            return replace(joined(runs), did=self.caption()) if runs else None
+            return replace(join_runs(runs), did=self.caption()) if runs else None
 
         return run_stage
 
@@ -158,6 +162,7 @@ class ClimbPath:
             foot.poses(robot.position[np.newaxis], _root_pose(robot))[0] for foot in feet.values()
         ]
         origin = np.mean([pose[:2, 3] for pose in poses], axis=0)
+        # The first column of a pose is where the foot looks. The climb goes in the mean direction of all feet.
         ahead = np.mean([pose[:2, 0] for pose in poses], axis=0)
         heading = float(np.arctan2(ahead[1], ahead[0]))
         to_world = _rotation(heading)
@@ -166,6 +171,7 @@ class ClimbPath:
 
         def height(positions: Vector) -> Vector:
             """Height of the ground below the trunk's height, at positions in the frame of the climb."""
+            # Ground above the trunk is a roof, not a floor to stand on.
             in_world = origin + positions @ to_world.T
             return ground.beneath(
                 np.column_stack([in_world, np.full(len(positions), trunk_height)])
@@ -182,6 +188,7 @@ class ClimbPath:
         positions = {}
         for name, foot in self.feet.items():
             pose = foot.poses(robot.position[np.newaxis], _root_pose(robot))[0]
+            # Only the horizontal part of the foot's x axis counts: feet may be tilted.
             turn = float(np.arctan2(pose[1, 0], pose[0, 0])) - self.heading
             # For a row vector, the product with the rotation turns from the world into the frame of the climb.
             horizontal = (pose[:2, 3] - self.origin) @ to_world
@@ -213,6 +220,7 @@ class ClimbPath:
             start[name] = (*position[:2], heights[name] - lowest, _within_half_turn(position[2]))
         goals = {}
         for name, goal in stride.goals.items():
+            # Feet land looking along the path, so that errors of their turn do not add up.
             goals[name] = (*goal[:2], stride.heights[name] - lowest, 0.0)
         return {
             "start": start,
@@ -246,6 +254,7 @@ class ClimbPath:
             known.add(likeness)
             without_height = [0, 1, 3]
             landed = {name: goal[without_height] for name, goal in goals.items()}
+            # Every stride turns the trunk back to the direction of the path.
             stance = ClimbStance(landed, trunk_turn=0.0)
         return strides
 

@@ -15,9 +15,8 @@ from simrob_drake.robots.catalog import RobotModel
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.resolve import check_parts, resolve
 
-_LONGEST = (
-    30.0  # longest duration of one attempt, with the times in which the robot comes to rest [s]
-)
+# Longest duration of one attempt, with the times in which the robot comes to rest [s].
+_LONGEST = 30.0
 
 
 class GetUpMove(Move):
@@ -41,6 +40,7 @@ class GetUpMove(Move):
 
         Returns None if the robot has no postures for getting up, or if the station is kinematic.
         """
+        # Whether a robot can get up is known only by making the station: its parts check themselves.
         try:
             cls().station(config, robot)
         except SimrobError:
@@ -50,6 +50,7 @@ class GetUpMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can get up, and return the stage in which it does."""
         self.station(outlook.station, robot.name)
+        # Where the robot stands afterwards is not known before.
         outlook.changed = True
         return self._get_up
 

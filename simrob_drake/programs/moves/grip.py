@@ -46,7 +46,7 @@ class ToolMove(Move):
         """Check that the tool is given in exactly one way."""
         if (self.name is None) == (self.pose is None):
             raise ValueError(
-                message("programs.name_or_pose", "a tool is given by one of name and pose")
+                message("programs.name_or_pose", "exactly one of name and pose must be set")
             )
         return self
 
@@ -60,7 +60,8 @@ class ToolMove(Move):
 _SHORTEST = 0.5  # shortest default duration of a move [s]
 # Default duration over the time at full speed [1]. The peak of a smooth move is at most 1.9 times its mean speed.
 _EASY = 2.2
-_ALIKE = 1e-6  # relative difference of two efforts that are the same [1]
+# Relative difference of two efforts that are the same [1]. A new limit needs another plant: it is set only if needed.
+_ALIKE = 1e-6
 # Default of the largest force of a finger [N]. Many files have no limit for a gripper's motors, or one that would crush
 # what the fingers hold.
 _USUAL_FORCE = 100.0
@@ -96,6 +97,7 @@ class FingerMove(Move):
         if not model.fingers:
             return None
         keys = set(cls.model_fields)
+        # A width and a force need the geometry of the fingers: where their faces meet.
         if stroke_of(model) is None:
             keys -= {"width", "force"}
         if not config.engine.moves_by_forces:
@@ -120,10 +122,11 @@ class FingerMove(Move):
                 robot.name,
                 message(
                     "programs.robot_with_gripper",
-                    "one with a gripper: in its robot.yaml; {advice}",
+                    "a robot with a gripper in its robot.yaml; {advice}",
                     advice=gripper_advice(robot),
                 ),
             )
+        # Without a width, fingers close or open as far as they can: opening 0 or 1.
         opening = float(self.opens) if self.width is None else self._opening_at(robot, self.width)
         for axis, (closed, opened) in robot.fingers.items():
             posture[axis] = closed + opening * (opened - closed)
@@ -135,7 +138,7 @@ class FingerMove(Move):
         segment = joint_segment(way, points=POINTS)
         # Collisions are not checked: the fingers shall touch the piece.
         plan = planning.plan_segments([segment], {"duration": duration, "check": "limits"}, POINTS)
-        # also if the file leaves the robot out
+        # The recorded move names its robot even if the user's entry does not: a station may have several robots.
         named_move = self.model_copy(update={"robot": planning.robot})
         return replace(plan, entry={self.key: named_move.entry()[self.key]})
 
@@ -153,7 +156,7 @@ class FingerMove(Move):
                 width,
                 message(
                     "programs.as_far_as_opens",
-                    "at most {widest:.4g} m, as far as {robot} opens",
+                    "at most {widest:.4g} m, the largest opening of {robot}",
                     widest=stroke.widest,
                     robot=robot.name,
                 ),
@@ -171,6 +174,7 @@ class FingerMove(Move):
         model = planning.model
         plan = self.plan(planning)
         stroke = stroke_of(model)
+        # No torque moves a kinematic station, so that there is nothing to limit.
         force = self._force(model, stroke) if cell.config.engine.moves_by_forces else None
         if force is None:
             return run([plan], None)
@@ -178,6 +182,7 @@ class FingerMove(Move):
         effort = force * known_stroke.effort(_mean_opening(model, cell.position(name)))
         self._limit_efforts(cell, planning, effort)
         result = run([plan], None)
+        # The fingers have moved: the same force may need another torque now.
         last_effort = force * known_stroke.effort(_mean_opening(model, cell.position(name)))
         if not np.isclose(last_effort, effort, rtol=_ALIKE):
             self._limit_efforts(cell, planning, last_effort)
@@ -223,6 +228,7 @@ class GripMove(FingerMove):
             )
         robot = planning.model
         stroke = _require_stroke(stroke_of(robot), robot, "force")
+        # The gripper's own force counts before that of its motors, which may be larger than the gripper bears.
         most = (robot.gripper and robot.gripper.force) or _motors_force(robot, stroke)
         if force > most:
             raise InvalidParameter(
@@ -230,7 +236,7 @@ class GripMove(FingerMove):
                 force,
                 message(
                     "programs.as_much_as_fingers",
-                    "at most {most:.4g}, as much as the fingers have",
+                    "at most {most:.4g} N, the largest force of the fingers",
                     most=most,
                 ),
             )
@@ -244,7 +250,7 @@ class GripMove(FingerMove):
             if presses_by_error and pressing < force:
                 expected = message(
                     "programs.pressing_wide_open",
-                    "at most {pressing:.3g}, as servo.kp of {axis} presses with wide open",
+                    "at most {pressing:.3g} N, the force that servo.kp of {axis} gives at the largest opening",
                     pressing=pressing,
                     axis=list(robot.axes)[axis],
                 )
@@ -284,7 +290,7 @@ def _require_stroke(stroke: Stroke | None, robot: RobotModel, key: str) -> Strok
             key,
             message(
                 "programs.fingers_without_shapes",
-                "the fingers of {robot} have no shapes that tell where they meet",
+                "the shapes of the fingers of {robot} do not determine where they meet",
                 robot=robot.name,
             ),
         )

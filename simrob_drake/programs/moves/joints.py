@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from simrob_drake.base.errors import InvalidParameter, Unsuitable
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.sections import Duration, Number
 from simrob_drake.programs.errors import JointLimitExceeded
@@ -28,7 +28,8 @@ class JointMove(Move):
     """Axes go to their targets at the same time. As a reference of an automatic program, until they are there."""
 
     key: ClassVar[str] = "target_deg"
-    says: ClassVar[str] = ""  # no caption: moves of joints that follow each other are one run
+    # Without a caption, because moves of joints that follow each other are one run.
+    says: ClassVar[str] = ""
 
     target_deg: Targets
     """Absolute positions at the end."""
@@ -51,10 +52,12 @@ class JointMove(Move):
             planning.model, self.target_deg, message("programs.the_target", "the target")
         )
         check_motors_of(cell, planning.robot, targets)
+        # Axes without a target stay where the arm's reference is.
         for index, position in targets.items():
             posture[index] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
         plan = plan_move_abs_j(planning, posture, duration=self.duration, check=self.check)
+        # The plan is recorded in a program as this move, in degrees by axis name, not as `move_abs_j`.
         return run([replace(plan, written_as=self.key)], None)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
@@ -64,6 +67,7 @@ class JointMove(Move):
             Unsuitable: the move has a `check`, which only arms do; or an axis has no motor.
             SimrobError: a target that the robot cannot reach.
         """
+        # Everything that can be wrong is found now, before any move of the program runs.
         self.refuse_check(name)
         targets = targets_on(robot.model, self.target_deg, name, self.duration)
         check_motors_of(robot.cell, robot.name, targets)
@@ -83,7 +87,7 @@ class JointMove(Move):
                 compound("{where}: {key}", where=name, key="check"),
                 message(
                     "programs.check_of_arms",
-                    "only moves of arms check limits of speed and collisions",
+                    "only moves of arms check speed limits and collisions",
                 ),
             )
 
@@ -100,6 +104,7 @@ def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int])
         Unsuitable: an axis is passive.
     """
     own = cell.robot(robot)
+    # In a kinematic station positions are set, not reached by torques.
     if not cell.config.engine.moves_by_forces:
         return
     for index in targets:
@@ -142,18 +147,20 @@ def targets_on(
     names = list(model.axes)
     units = model.user_units
     targets: dict[int, float] = {}
+    # An axis may be named by an alias: two keys may mean the same axis.
     for axis, value in target_deg.items():
         index = model.axis_index(axis, where)
         if index in targets:
-            raise InvalidParameter(
+            raise Unsuitable(
                 compound("{where}: {axis}", where=where, axis=axis),
                 message(
-                    "programs.other_name_of_axis", "another name of an axis that it moves, too"
+                    "programs.other_name_of_axis",
+                    "its axis has a target under another name already",
                 ),
-                message("programs.named_once", "named once"),
             )
         targets[index] = float(value * units[index])
 
+    # Limits are checked for the axes with targets only: other axes of the robot stay where they are.
     indices = list(targets)
     positions = np.array(list(targets.values()))
     limits = model.limits.of_axes(indices)

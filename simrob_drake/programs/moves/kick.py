@@ -35,7 +35,7 @@ class KickMove(Move):
     ball: Annotated[str | None, NameOf("pieces")] = None
     """Piece to hit in its middle, where it is when the kick begins. If it is not set, the foot hits nothing."""
     toward: tuple[Number, Number] | None = None
-    """Position in the world to which the ball shall go [m]. If it is not set, it goes where the robot looks."""
+    """Position in the world towards which the ball is kicked [m]. If it is not set, where the robot looks."""
     speed: Positive | None = None
     """Speed of the foot when it hits the ball [m/s]. If it is not set, that of the gait."""
     gait: str = Kick.usual
@@ -49,6 +49,7 @@ class KickMove(Move):
 
         Returns None if the robot's `gaits.yaml` has no kick of the usual name.
         """
+        # A form offers the kick only to robots that have one; the speed and the ball are always possible.
         return frozenset(cls.model_fields) if has_gait(model, Kick, Kick.usual) else None
 
     def caption(self, *, robots: bool = False) -> str:
@@ -57,9 +58,11 @@ class KickMove(Move):
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can swing its foot, and return the stage that aims at the ball and kicks."""
+        # Where the ball will be is not known yet: only a swing through the air can be checked.
         self.swing(robot, outlook.station, {})
+        # The radius itself is not needed yet: the call checks that the ball is a free sphere.
         if self.ball is not None:
-            self._radius(outlook.station)  # a check only
+            self._radius(outlook.station)
 
         def run_stage(robot: LeggedGeometry) -> SimulationResult:
             """Kick the ball where it is now."""
@@ -86,10 +89,11 @@ class KickMove(Move):
         motion = self._plan(robot, station, aim, self.speed)
         limits = resolve(station).robots[robot.name].speed_limits
         fastest = np.abs(motion.velocities).max(axis=0)
-        # index of the axis nearest to its limit, or furthest beyond
+        # Index of the axis nearest to its limit, or furthest beyond.
         worst = int((fastest / limits).argmax())
         if fastest[worst] <= limits[worst]:
             return motion
+        # For the message: search the fastest kick that the joints can do.
         speed = Kick.of(Walker.of(robot.model), self.gait, self._changes({}, self.speed)).speed
 
         def is_too_fast(hundredths: int) -> bool:
@@ -108,17 +112,17 @@ class KickMove(Move):
         if largest:
             expected = message(
                 "programs.kick_at_most",
-                "at most {most:g} m/s: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                "at most {most:g} m/s: {axis} would turn at {speed:.2f} rad/s, beyond its limit of {limit:.2f} rad/s",
                 most=largest / 100,
                 **details,
             )
         else:
             expected = message(
                 "programs.slower_kick",
-                "slower: {axis} would turn at {speed:.2f} rad/s, and can at {limit:.2f}",
+                "slower: {axis} would turn at {speed:.2f} rad/s, beyond its limit of {limit:.2f} rad/s",
                 **details,
             )
-        value = message("programs.gaits_own", "the gait's")
+        value = message("programs.gaits_own", "that of the gait")
         if self.speed is not None:
             value = compound("{speed:g} m/s", speed=self.speed)
         raise InvalidParameter(
@@ -126,11 +130,17 @@ class KickMove(Move):
         )
 
     def _changes(self, aim: Mapping[str, Any], speed: float | None) -> dict[str, Any]:
-        """Parameters that replace those of the gait, with a speed of the foot [m/s]; None means the gait's own."""
+        """Collect the parameters that replace those of the gait.
+
+        Args:
+            aim: parameters that aim the kick, see :meth:`aim`.
+            speed: speed of the foot when it hits [m/s]. If it is None, that of the gait.
+        """
         changes = dict(aim)
         if speed is not None:
             changes["speed"] = speed
-        changes.update(self.model_extra or {})  # keys that the user sets replace those of the aim
+        # Keys that the user sets replace those of the aim.
+        changes.update(self.model_extra or {})
         return changes
 
     def _plan(
@@ -140,7 +150,14 @@ class KickMove(Move):
         aim: Mapping[str, Any],
         speed: float | None,
     ) -> JointMotion:
-        """Plan the kick at a speed of the foot [m/s]; None means the gait's own."""
+        """Plan the kick at a speed of the foot.
+
+        Args:
+            robot: the robot.
+            station: the station as it will be before the move.
+            aim: parameters that aim the kick, see :meth:`aim`.
+            speed: speed of the foot when it hits [m/s]. If it is None, that of the gait.
+        """
         return planned_gait(robot, self.gait, self._changes(aim, speed), station=station)
 
     def aim(self, robot: LeggedGeometry) -> dict[str, Any]:
@@ -153,6 +170,7 @@ class KickMove(Move):
             return {}
         walker = Walker.of(robot.model)
         cell = robot.cell
+        # The ball is where it lies now: earlier moves may have pushed it.
         return Kick.of(walker, self.gait, self.model_extra or {}).aim(
             walker,
             robot.base_pose.GetAsMatrix4(),
@@ -171,6 +189,7 @@ class KickMove(Move):
         """
         name = str(self.ball)
         one_of(message("base.piece", "piece"), name, station.pieces)
+        # A ball on a robot or in the world is fixed, and would stop the foot.
         piece = resolve(station).pieces[name]
         radii = [shape.sphere for shape in piece.model.shapes if shape.sphere is not None]
         if not piece.free or len(radii) != 1:

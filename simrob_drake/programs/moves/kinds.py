@@ -71,6 +71,7 @@ class MoveKinds(Mapping[str, type[Move]]):
     @cached_property
     def _all(self) -> dict[str, type[Move]]:
         """Kinds by their key."""
+        # A kind of an extension cannot replace one of the core: `classes_of_extensions` leaves out such names.
         return {kind.key: kind for kind in _CORE} | classes_of_extensions(
             _POINT, Move, named_by="key"
         )
@@ -148,6 +149,7 @@ def move_from(
     """
     if isinstance(content, Move):
         move = content
+    # Without the key of a kind, the mapping has the targets of axes.
     elif isinstance(content, Mapping) and kind_of(content, KINDS.values()) is not None:
         move = check_move(content)
     else:
@@ -155,9 +157,7 @@ def move_from(
     if duration is not None:
         raise Unsuitable(
             "duration",
-            message(
-                "programs.belongs_to_axes", "it belongs to targets of axes, and there are none"
-            ),
+            message("programs.belongs_to_axes", "only a move of axes has a separate duration"),
         )
     return move
 
@@ -185,8 +185,10 @@ def check_move(
             ),
         )
     kind = kind_of(entry, kinds.values())
+    # The first key that no move of joints has is likely the misspelt key of a kind.
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
+        # An extension that could not be loaded explains the unknown key better than a spelling would.
         check_usable(_POINT, str(strange), Move, named_by="key")
         known = [*kinds, *JointMove.model_fields]
         raise InvalidConfig(

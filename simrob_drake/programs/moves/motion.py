@@ -64,7 +64,7 @@ class ArmMotion(Move):
         if (self.targets is None) == (self.targets_deg is None):
             raise ValueError(
                 message(
-                    "programs.one_of_targets", "where to is given by one of targets and targets_deg"
+                    "programs.one_of_targets", "exactly one of targets and targets_deg must be set"
                 )
             )
         return self
@@ -72,6 +72,7 @@ class ArmMotion(Move):
     @property
     def how(self) -> How:
         """Options of the move that are set. The option `check` is always there, because its None has a meaning."""
+        # Only options that are set are passed on: a planner sees from the missing ones that the timing is free.
         options = {key: getattr(self, key) for key in How.__annotations__}
         return cast(
             How,
@@ -83,7 +84,8 @@ class ArmMotion(Move):
         wobj = getattr(self, "wobj", None)
         if not isinstance(wobj, str):
             return ()
-        piece, _, _ = wobj.partition(".")  # without the name of a frame
+        # A frame of a piece is written as `piece.frame`.
+        piece, _, _ = wobj.partition(".")
         return (piece,)
 
     def plan(self, planning: Planning) -> Plan:
@@ -117,6 +119,7 @@ class ArmMotion(Move):
             units = planning.model.user_units
         else:
             pose_units = np.repeat([1.0, np.deg2rad(1.0)], 3)  # of x, y, z and of three angles
+            # A place has the first three coordinates of a pose only.
             units = pose_units[: values.shape[-1]]
         return values * units if values.shape[-1] == len(units) else values
 
@@ -140,6 +143,7 @@ def describe(method: Callable[..., Any], plan: Callable[..., Plan]) -> None:
     """
     text = getdoc(plan) or ""
     _, _, options_text = (getdoc(How) or "").partition("Attributes:\n")
+    # The method has no `planning`: the arm itself is the start of its moves.
     text = re.sub(r"^    planning: .*\n", "", text, flags=re.MULTILINE)
     method.__doc__ = text.replace("    how: see :class:`How`.", options_text.rstrip())
     method.__name__ = plan.__name__.removeprefix("plan_")
@@ -153,6 +157,7 @@ def describe(method: Callable[..., Any], plan: Callable[..., Plan]) -> None:
         )
         for key, kind in How.__annotations__.items()
     ]
+    # Inspection and type hints use this signature; the method itself takes any arguments and passes them to `plan`.
     arm = Parameter("self", Parameter.POSITIONAL_ONLY)
     parameters = [arm, *own_parameters, *options]
     vars(method)["__signature__"] = Signature(parameters, return_annotation="SimulationResult")

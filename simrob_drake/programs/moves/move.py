@@ -65,7 +65,7 @@ _EXPECTED = {
     ),
     "amplitude": message(
         "programs.number_up_to",
-        "a number up to {most}; 1 walks as the gait's parameters say",
+        "a number up to {most}; 1 keeps the parameters of the gait",
         most=MOST_AMPLITUDE,
     ),
 }
@@ -156,9 +156,11 @@ class Move(Strict):
     def entry(self) -> dict[str, Any]:
         """Entry of the move in a program's file. Keys with default values are left out."""
         content = self.model_dump(mode="json", exclude_defaults=True)
-        if self.key in type(self).model_fields:  # the key itself is a field, such as `target_deg`
+        # A kind whose key is one of its own fields, such as `target_deg`, has no level of its own in the file.
+        if self.key in type(self).model_fields:
             return content
         first = _first_field(type(self))
+        # The shortest entry is written: a value alone means the same as a mapping with the first field only.
         is_brief = self.brief and list(content) == [first]
         return {self.key: content[first] if is_brief else content}
 
@@ -175,7 +177,7 @@ class Move(Strict):
     def pieces(self) -> Iterable[str]:
         """Names of the pieces that the move depends on."""
         keys = [key for key, what in named_things(type(self)).items() if what == "pieces"]
-        # Until 0.2: in moves of other packages the keys may have no annotation. The form for the pendant says it then.
+        # Until 0.2: in moves of other packages the keys may have no annotation. Then the form for the pendant has it.
         form: Mapping[str, Any] = getattr(type(self), "form", {})
         keys += [key for key, what in form.items() if what == "pieces" and key not in keys]
         # Such a key may have no value: a kick without a ball swings the foot through the air.
@@ -217,7 +219,7 @@ class Move(Strict):
         raise InvalidParameter(
             message("programs.the_move", "the move"),
             self.key,
-            message("programs.move_for_legs", "one of arms: this one is for legs"),
+            message("programs.move_for_legs", "a move for arms, not for robots with legs"),
         )
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
@@ -234,12 +236,13 @@ class Move(Strict):
         raise InvalidParameter(
             message("programs.the_move", "the move"),
             self.key,
-            message("programs.move_for_arms", "one for legs: this one is of arms"),
+            message("programs.move_for_arms", "a move for robots with legs, not for arms"),
         )
 
 
 def field_of(*kinds: type[Move]) -> Any:
     """Pydantic type of a field that holds a move of one of some kinds, and is written as an entry of a file."""
+    # Pydantic finds the kind by the key: each entry model accepts exactly one.
     union: Any = reduce(or_, (entry_model(kind) for kind in kinds))
     return Annotated[
         union,
@@ -257,6 +260,7 @@ def entry_model(kind: type[Move]) -> type[Strict]:
     """
     if kind.key in kind.model_fields:
         return kind
+    # The model of the entry exists for the schema: an editor shows the first line of the kind's docstring.
     about = (kind.__doc__ or "").partition("\n")[0]
     fields: dict[str, Any] = {kind.key: (kind, ...)}
     return create_model(
@@ -282,6 +286,7 @@ def _first_field(kind: type[Move]) -> str:
 
 def kind_of(content: Mapping[str, Any], kinds: Iterable[type[Move]]) -> type[Move] | None:
     """Kind of the move that an entry of a file is. It is None if the entry has the key of no kind."""
+    # A key of a kind may be anywhere in the entry: `duration` may stand before `target_deg`.
     return next((kind for kind in kinds if kind.key in content), None)
 
 
@@ -312,6 +317,7 @@ def make_move(kind: type[Kind], /, **content: Any) -> Kind:
     try:
         return kind.model_validate(plain(content))
     except ValidationError as problem:
+        # Pydantic's texts name Python types. The user gets the words of this package, for the first finding.
         finding = problem.errors()[0]
         key = ".".join(str(part) for part in finding["loc"])
         default = message("programs.a_text", "a text")
@@ -328,6 +334,7 @@ def move_name(index: int, count: int, file: str = "") -> str:
         count: count of the program's moves. A single one needs no number.
         file: file of the program, which is part of the name; empty if the program has none.
     """
+    # A file numbers its moves even if it has only one, so that an editor can find the move.
     if file:
         return compound("{file}: {move}", file=file, move=move_title(index))
     return move_title(index) if count > 1 else message("programs.the_move", "the move")
@@ -354,6 +361,7 @@ def naming(move: str) -> Iterator[None]:
     try:
         yield
     except SimrobError as problem:
+        # The exception itself stays the same, with its class and its attributes: only its message changes.
         if move:
             problem.put_in_front(move)
         raise
@@ -361,6 +369,7 @@ def naming(move: str) -> Iterator[None]:
 
 def _wrap_move(value: Any) -> Any:
     """Put a move that was made in Python under its key, as in an entry of a file. Other values stay unchanged."""
+    # A move of Python is valid already, but the field's models accept entries of files only.
     if not isinstance(value, Move) or value.key in type(value).model_fields:
         return value
     return {value.key: value}

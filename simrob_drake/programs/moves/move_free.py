@@ -18,7 +18,7 @@ from pydantic import model_validator
 from pydrake.math import RotationMatrix
 
 from simrob_drake.base.arguments import positive, truth, whole
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.interpolation import stacked
 from simrob_drake.base.messages import message
@@ -35,9 +35,8 @@ from simrob_drake.programs.planning import (
     WorkObject,
     degrees_hint,
     points_of,
-    zone_of,
 )
-from simrob_drake.programs.segments import PathPoint, Segment, tool_length
+from simrob_drake.programs.segments import PathPoint, Segment, tool_length, zone_size
 from simrob_drake.programs.smooth_path import RateLimits, find_faster_path
 from simrob_drake.programs.tape import with_entry
 from simrob_drake.programs.timing import How, is_free, plan_timed
@@ -58,8 +57,8 @@ class MoveFree(ArmMotion):
     key: ClassVar[str] = "move_free"
 
     wobj: str | Pose | None = None
-    """Frame of the target: a piece, one of its frames as `piece.frame`, a robot's tool or a pose; the world unless
-    given."""
+    """Frame of the target: a piece, one of its frames as `piece.frame`, a robot's tool or a pose. If it is not set, the
+    world."""
     piece: str | None = None
     """Target instead of a pose: a piece, or one of its frames as `piece.frame`, to which the tool is moved."""
     joints: Row | str | None = None
@@ -84,7 +83,7 @@ class MoveFree(ArmMotion):
             raise ValueError(
                 message(
                     "programs.one_target",
-                    "where to is given by one of targets, targets_deg, piece, joints and joints_deg",
+                    "exactly one of targets, targets_deg, piece, joints and joints_deg must be set",
                 )
             )
         return self
@@ -100,7 +99,8 @@ class MoveFree(ArmMotion):
         """Names of the pieces that the move refers to: its target, or else its work object."""
         if self.piece is None:
             return super().pieces()
-        name, _, _ = self.piece.partition(".")  # without the name of a frame
+        # A frame of a piece is written as `piece.frame`.
+        name, _, _ = self.piece.partition(".")
         return (name,)
 
     def goals(self, planning: Planning) -> Vector:
@@ -155,7 +155,7 @@ def plan_move_free(
     Raises:
         StartInCollision, GoalInCollision: bodies overlap at the start or at every goal; names them and the depth.
         Unreachable: no posture within the limits brings the tool to the target.
-        NoFreePath: no path was found in the time; says how near the search came, and names the bodies in the way.
+        NoFreePath: no path was found in the time. The message has the nearest goal and the obstacles.
         SimrobError: the errors of other moves.
     """
     goals = goals_of(planning, targets, joints, wobj, free_turn, seed)
@@ -195,11 +195,17 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     first = moves[0]
     robots = {planning.robot for planning in plannings}
     have_equal_options = all(move.how == first.how for move in moves)
+    # All robots share one path over time, so its options are those of all moves.
     if not have_equal_options or len(robots) < len(plannings):
-        raise InvalidParameter(
-            message("programs.moves_around_together", "moves around obstacles together"),
-            "different",
-            message("programs.different_robots_same_time", "of different robots, in the same time"),
+        raise Unsuitable(
+            "together",
+            message(
+                "programs.moves_around_together", "moves around obstacles are planned as one path"
+            ),
+            message(
+                "programs.different_robots_same_time",
+                "give them different robots and equal options",
+            ),
         )
     goals = [move.goals(planning) for move, planning in zip(moves, plannings, strict=True)]
     show_search = any(move.show_search for move in moves)
@@ -209,7 +215,7 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     )
     recorded_plans = []
     for move, plan in zip(moves, plans, strict=True):
-        # also if the file leaves the robot out
+        # The recorded move names its robot even if the file leaves it out: the moves are of different robots.
         named_move = move.model_copy(update={"robot": plan.robot})
         recorded_plans.append(replace(plan, entry=named_move.entry()))
     return recorded_plans
@@ -240,10 +246,13 @@ def goals_of(
     """
     whole(seed, "seed", 0, _LARGEST_SEED)
     if (targets is None) == (joints is None):
-        raise InvalidParameter(
+        problem = message("programs.without_target", "neither a pose nor joints are given")
+        if joints is not None:
+            problem = message("programs.given_twice", "a pose and joints are given")
+        raise Unsuitable(
             message("programs.the_target", "the target"),
-            message("programs.given_twice", "given twice") if joints is not None else "missing",
-            message("programs.pose_or_joints", "a pose or joints="),
+            problem,
+            message("programs.give_one_of_two", "give one of the two"),
         )
     if joints is not None:
         return _posture_goal(planning, joints)
@@ -260,15 +269,16 @@ def goals_of(
         else np.zeros(1)
     )
     rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
-    # transforms without translation, (k, 4, 4)
+    # Transforms without translation, shape (k, 4, 4): the tool turns about its own z axis before it is placed.
     turns = stacked(np.zeros((len(rotations), 3)), rotations)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
-        # The solver of other moves finds at most one posture, from the start, and the error says how near it came.
+        # The solver of other moves finds at most one posture, from the start, and the error has the remaining distance.
         solutions = planning.inverse(None).solve(poses, start)
         if not solutions.reached.all():
             raise solutions.unreachable(0, message("programs.the_target", "the target"))
         goals = solutions.positions
+    # A search uses the first goals that are free of collisions. The nearest ones move the arm least.
     distances = np.abs((goals - start) * metres_per_radian(chain)).sum(axis=1)
     return np.asarray(goals[np.argsort(distances, kind="stable")])
 
@@ -298,9 +308,9 @@ def _check_single(targets: Vector) -> None:
     """Check that an array contains a single target: a pose (1, 4, 4) or a posture (1, n)."""
     if len(targets) != 1:
         raise InvalidParameter(
-            "targets",
-            message("programs.count_of_them", "{count} of them", count=len(targets)),
-            message("programs.one_target_around", "one: a move around obstacles has one target"),
+            message("programs.count_of_targets", "count of targets"),
+            len(targets),
+            message("programs.one_target_around", "1 for a move around obstacles"),
         )
 
 
@@ -330,7 +340,11 @@ def plan_around(
         StartInCollision, GoalInCollision, NoFreePath: see :func:`plan_move_free`.
     """
     points = points_of(how, POINTS)
-    zone_of(how, 1)  # refuses a zone: there is a single target
+    if zone_size(how.get("zone", "fine")):
+        problem = message(
+            "programs.around_without_zones", "a move around obstacles has a single target"
+        )
+        raise Unsuitable("zone", problem)
     space = plannings[0].space([planning.robot for planning in plannings])
     ranges = [
         _search_range(planning, own_goals)
@@ -354,6 +368,7 @@ def plan_around(
         faster_path = find_faster_path(search, round_path.postures, len(corners), limits)
         if faster_path is not None:
             paths.insert(0, faster_path)  # of plans with the same duration the first one is taken
+    # Which path is faster is known only with its timing: both get one.
     joint_plans = [_timed_path(plannings, space, path, limits, how, points) for path in paths]
     joint_plan = min(joint_plans, key=lambda plan: plan.duration)
 

@@ -6,7 +6,7 @@ from typing import ClassVar, Unpack
 import numpy.typing as npt
 
 from simrob_drake.base.arguments import truth
-from simrob_drake.base.errors import InvalidParameter, Unsuitable
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean
 from simrob_drake.kinematics.registry import SolverLike
@@ -71,24 +71,26 @@ def plan_move_abs_j(
         rows = planning.chain.limits.clamp(rows, message("programs.the_targets", "the targets"))
     points = points_of(how, POINTS)
     zone = zone_of(how, len(rows))
+    # With a zone the joints pass by the targets, so that they cannot stop there.
     if truth(stop, "stop") and zone:
         raise Unsuitable(
             "stop",
             message(
                 "programs.zone_rounds_targets",
-                "a zone rounds the targets, so that the joints do not stop there",
+                "with a zone the joints do not stop at the targets",
             ),
             message("programs.give_one_of_two", "give one of the two"),
         )
+    # Without stops and zones a spline leads through all targets. It has no constant speed that a profile could reach.
     passes_smoothly = not stop and len(rows) > 1 and "zone" not in how
     if passes_smoothly and ("profile" in how or "acceleration" in how):
-        raise InvalidParameter(
-            "profile",
-            "given",
+        raise Unsuitable(
+            "profile" if "profile" in how else "acceleration",
             message(
-                "programs.with_stop_or_zone",
-                "given with stop=True or a zone: else the joints do not cruise",
+                "programs.without_cruise",
+                "a move that passes its targets smoothly has no cruising speed",
             ),
+            message("programs.with_stop_or_zone", "set stop=True or a zone"),
         )
     ways = [
         joint_way(planning.chain, start, row) for start, row in pairwise([planning.start, *rows])
@@ -143,6 +145,7 @@ def plan_move_j(
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """
+    # Only the targets are solved. Between them the joints go straight, so that singular postures do no harm.
     inverse = planning.inverse(solver)
     poses = planning.poses(targets, wobj)
     solutions = inverse.solve(poses, planning.start)
@@ -150,4 +153,5 @@ def plan_move_j(
         missed = solutions.first_missed
         raise solutions.unreachable(missed, target_name(missed, len(poses)))
     plan = plan_move_abs_j(planning, solutions.positions, stop=stop, **how)
+    # The plan has an entry of `move_abs_j` so far. The file gets the poses that the user gave instead.
     return with_entry(plan, MoveJ.key, planning, targets, how, wobj=wobj, solver=solver, stop=stop)

@@ -63,14 +63,16 @@ def plan_move_l(
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """
+    # A line of the tool is no line of the joints: the postures along it are solved point by point.
     inverse = planning.inverse(solver)
     points = points_of(how, POINTS)
     poses = planning.poses(targets, wobj)
     ways = []
+    # The first line begins at the tool's present pose. Each following one begins at the target before.
     for begin, end in pairwise([planning.pose, *poses]):
         length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
         ways.append(Way(partial(poses_between, begin, end), length))
-    plan = planning.along(ways, inverse, how, points)
+    plan = planning.plan_along(ways, inverse, how, points)
     return with_entry(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
 
 
@@ -117,15 +119,17 @@ def plan_move_c(
     """
     inverse = planning.inverse(solver)
     points = points_of(how, ARC_POINTS)
+    # Of the middle point only the position counts: the orientation turns evenly from the begin to the end.
     middles = places(via, planning.frame(wobj), "via")
     poses = planning.poses(targets, wobj)
+    # Three points determine a circle: the present position, the one on the way, and the end.
     if len(middles) != len(poses):
         raise InvalidParameter(
             "via",
             message("programs.count_of_points", "{count} points", count=len(middles)),
             message(
                 "programs.one_a_target",
-                "one a target, of which there are {count}",
+                "one point for each of the {count} targets",
                 count=len(poses),
             ),
         )
@@ -137,8 +141,9 @@ def plan_move_c(
         )
         arc = Arc.through(begin[:3, 3], middle, end[:3, 3], name)
         ways.append(Way(partial(_poses_on_arc, arc, begin, end), arc.length))
+        # The next arc begins where this one ends.
         begin = end
-    plan = planning.along(ways, inverse, how, points)
+    plan = planning.plan_along(ways, inverse, how, points)
     return with_entry(plan, MoveC.key, planning, targets, how, wobj=wobj, solver=solver, via=via)
 
 

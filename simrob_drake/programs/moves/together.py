@@ -29,7 +29,7 @@ class TogetherMove(Move):
     of_legs: ClassVar[bool] = False
 
     together: "Annotated[tuple[AnyMotion, ...], Field(min_length=1)]"
-    """The moves, of one robot each."""
+    """The moves, one for each robot."""
     duration: Duration | None = None
     """Duration of all moves [s]. If it is not set, until the last one ends."""
 
@@ -48,6 +48,7 @@ class TogetherMove(Move):
         """
         plannings = [cell.planning(move.robot or robot) for move in self.together]
         free_moves = [move for move in self.together if isinstance(move, MoveFree)]
+        # One search over the axes of all robots is the only way to avoid collisions between robots that all move.
         if len(free_moves) == len(plannings) > 1:
             return run(plan_together(free_moves, plannings), self.duration)
         plans = [

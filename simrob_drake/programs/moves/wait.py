@@ -42,7 +42,7 @@ class PlayMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Return the stage in which the robots follow the references.
 
-        The outlook is marked as changed, because nobody knows before where the robots end.
+        The outlook is marked as changed, because where the robots end is not known before.
         """
         outlook.changed = True
         return lambda robot: robot.cell.play(self.duration)

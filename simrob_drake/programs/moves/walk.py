@@ -65,14 +65,16 @@ class GaitMove(Move):
         """
         arms_at_check = taught_arms(robot)
         motion = self.plan_motion(robot, outlook.station)
-        # the plan is taken out of the list when it runs, so that its memory is freed
+        # The plan is taken out of the list when it runs, so that its memory is freed.
         plans = [motion]
+        # An earlier move may change the load, or the heading on a slope: then this plan was a check only.
         if outlook.changed or resolve(outlook.station).ground.incline:
-            plans.clear()  # an earlier move changes the load, or the heading on a slope
+            plans.clear()
         del motion
 
         def run_stage(robot: LeggedGeometry) -> SimulationResult:
             """Run the gait from where the robot is."""
+            # A gait leaves arms where earlier moves have put them, so the plan depends on their positions.
             if taught_arms(robot) != arms_at_check:
                 plans.clear()
             # The plan has no name here, so that `perform` can free it before the run.
@@ -156,6 +158,7 @@ class GoMove(Move):
 
         Returns None if the robot has no walk that reacts to measurements, or if the station is kinematic.
         """
+        # Whether a robot can follow commands is known only by making the station: its parts check themselves.
         try:
             cls().station(config, robot)
         except SimrobError:
@@ -178,9 +181,10 @@ class GoMove(Move):
         Raises:
             InvalidParameter: a value is not a finite number, or the duration is not positive.
         """
+        # Checked here, because an error of `make_move` would name `turn_deg`, which the user did not give.
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
             if finite(value).shape != ():
-                expected = message("programs.one_speed", "one [m/s]")
+                expected = message("programs.one_speed", "a finite number [m/s]")
                 if name == "turn":
                     expected = message("programs.finite_turn", "a finite number [rad/s]")
                 raise InvalidParameter(name, value, expected)
@@ -196,7 +200,7 @@ class GoMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can follow commands, and return the stage in which it walks.
 
-        The outlook is marked as changed, because nobody knows before where the walk ends.
+        The outlook is marked as changed, because where the walk ends is not known before.
         """
         self.station(outlook.station, robot.name)
         outlook.changed = True
@@ -222,6 +226,7 @@ class GoMove(Move):
         own = [
             key for key, section in walks.items() if (section.robot or config.only_robot) == robot
         ]
+        # A second walking controller would move the same axes: the robot's own one gets the command.
         if own:
             name = own[0]
             walk = walks[name]
@@ -229,6 +234,7 @@ class GoMove(Move):
             name = f"{robot}_walk" if "walk" in config.controllers else "walk"
             walk = Walk(kind="walk", robot=robot)
         command = Commanded(ahead=self.ahead, sideways=self.sideways, turn_deg=self.turn_deg)
+        # One command replaces the timetable of the station's file, and its path, which gives commands as well.
         settings = {"commands": (command,), "path": None, "strict": self.strict}
         inputs = (*config.inputs, "reference_velocity")
         changes: dict[str, Any] = {
@@ -247,7 +253,10 @@ class GoMove(Move):
 
     def _walk(self, robot: LeggedGeometry) -> SimulationResult:
         """Run the walk. A floor that had to become larger stays so."""
+        # The floor is a square around the origin, so the larger coordinate decides how far the robot is from its
+        # edge.
         start = float(abs(robot.base_pose.translation()[:2]).max())
         station = self.station(robot.cell.config, robot.name, start=start)
-        references = {robot.name: hold(robot.reference)}  # of the axes that the walk does not move
+        # The controller replaces the references of the axes that it moves. The others hold their positions.
+        references = {robot.name: hold(robot.reference)}
         return replace(robot.cell.follow_as(station, references, self.duration), did=self.caption())

@@ -1,4 +1,4 @@
-"""Cameras for pictures of a run: their direction, their distance, and their motion beside a robot that walks.
+"""Cameras for pictures of a run: their direction, their distance, and their motion with a robot that walks.
 
 All positions are in the world, with z upwards. An *azimuth* is the direction from a station to the eye of the camera,
 seen from above, counterclockwise from the x axis. All cameras look down at the same angle.
@@ -70,8 +70,8 @@ class Camera:
     eye: Vector
     target: Vector
 
-    def moved(self, displacement: Vector) -> "Camera":
-        """Copy of the camera with eye and target displaced, shape (3,) [m]."""
+    def translate(self, displacement: Vector) -> "Camera":
+        """Copy the camera, with eye and target displaced by a vector (3,) [m]. It looks in the same direction."""
         return Camera(self.eye + displacement, self.target + displacement)
 
 
@@ -92,7 +92,7 @@ def side(station: StationPlant) -> float:
 def robots_to_follow(
     robots: Iterable[str], controllers: Mapping[str, ControllerSection]
 ) -> set[str]:
-    """Names of the robots whose controllers ask that the camera goes with them (`camera_follows`).
+    """Names of the robots that the camera follows because their controllers request it (`camera_follows`).
 
     Args:
         robots: names of the robots of a station.
@@ -136,13 +136,13 @@ def frame_times(end: float, frames_per_second: float, *, begin: float = 0.0) -> 
 
 
 def walked_displacement(result: RecordedRun) -> Displacement | None:
-    """Displacement of a camera that goes beside a walking robot: that of the robot, without the sway of its steps.
+    """Displacement of a camera that follows a walking robot: that of the robot, without the sway of its steps.
 
-    The camera also follows the height of the floor. A robot whose controller asks for it is followed as well.
+    The camera also follows the height of the floor. A robot whose controller requests it is followed as well.
 
     Returns:
-        the displacement, or None if the camera stands still: if there is no such robot, if the station has several
-            robots, or if the robot's path is short compared with its height.
+        the displacement. It is None if the camera does not move: the station has no such robot or several robots, or
+            the robot's path is short compared with its height.
     """
     followed = _followed_robot(result)
     if followed is None:
@@ -150,12 +150,14 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
     base = result.pose("base", followed)
     begin = result.start_time
     end = framed_time(result)
+    # Even samples, whatever the rate of the signals: the moving average below has a fixed count of them.
     interval_count = max(round((end - begin) / _SAMPLE_PERIOD), 1)
     times = np.linspace(begin, end, interval_count + 1)
     x = np.interp(times, result.times, base[:, 0])
     y = np.interp(times, result.times, base[:, 1])
 
     ground = result.plant.ground
+    # Relative to the robot's size: 30 cm are a walk for a small robot, and a sway for a large one.
     height = base[0, 2] - ground.beneath(base[:1, :3])[0]
     distances = np.hypot(x - x[0], y - y[0])
     if distances.max() < _WALK * height:
@@ -167,6 +169,8 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
         level = np.column_stack(
             [np.interp(at, times, smooth_x), np.interp(at, times, smooth_y), np.zeros(len(at))]
         )
+        # The height of the floor, not of the base: a camera that went up and down with the base would hide a
+        # fall.
         upwards = np.outer(ground.floor_heights(level), [0.0, 0.0, 1.0])
         return np.asarray(level + upwards)
 
@@ -175,6 +179,7 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
 
 def _moving_average(values: Vector) -> Vector:
     """Average each value (k,) with those around it. Beyond the ends, the first and the last value are repeated."""
+    # Padding by half a window on both sides keeps the count of values.
     return np.convolve(np.pad(values, _HALF_WINDOW, mode="edge"), _WEIGHTS, "valid")
 
 
@@ -195,6 +200,7 @@ def _followed_robot(result: RecordedRun) -> str | None:
         *legged_robots(result),
         *robots_to_follow(result.plant.robots, result.config.controllers),
     }
+    # With several robots, a camera at one of them would lose the others.
     return followed.pop() if len(result.plant.robots) == 1 and followed else None
 
 
@@ -219,6 +225,7 @@ def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Came
     #     e = (low + high) / 2   and   d = (low - high) / (2 half), the smaller d of both directions.
     low = (across + half * along[:, np.newaxis]).min(axis=0)
     high = (across - half * along[:, np.newaxis]).max(axis=0)
+    # The second bound keeps the eye in front of the nearest point, also if all points are on one line of sight.
     depth = min(((low - high) / (2 * half)).min(), along.min() - _NEAREST)
     eye = np.append((low + high) / 2, depth)
     target = np.append(eye[:2], (along.min() + along.max()) / 2)

@@ -49,15 +49,17 @@ _ASSET = re.compile(r'casAssets\["([^"]*)"\] = "([^"]*)";')
 
 
 def open_meshcat() -> Meshcat:
-    """Open a Meshcat for a moment's work. It listens on this computer only, at an address that is hard to guess.
+    """Open a Meshcat for a short time. It listens on this computer only, at an address that is hard to guess.
 
     Meshcat accepts any connection, and a malformed message ends the process. On Linux its address is one of sixteen
     million loopback addresses.
     """
+    # All addresses 127.x.x.x are those of this computer, on Linux. Numbers 0 and 255 are left out: they may be
+    # addresses of a network or a broadcast.
     hidden = f"127.{'.'.join(str(1 + secrets.randbelow(254)) for _ in range(3))}"
     logger = logging.getLogger("drake")
     level = logger.level
-    # Meshcat would write its address, or that it could not open it
+    # Meshcat would write its address to the terminal, or that it could not open it.
     logger.setLevel(logging.CRITICAL)
     try:
         try:
@@ -84,6 +86,7 @@ def commands(draw: Callable[[Meshcat], None]) -> list[Command]:
     """Commands that draw into Meshcat's page the same as a function draws into a Meshcat."""
     meshcat = open_meshcat()
     draw(meshcat)
+    # Meshcat has no function for its messages, but its page as a single file contains all of them.
     page = meshcat.StaticHtml()
     assets: list[Command] = [
         {"type": "asset", "name": name, "url": url} for name, url in _ASSET.findall(page)
@@ -106,6 +109,7 @@ def draw_geometry(
         shown = MeshcatVisualizerParams(
             role=role, prefix=prefix, enable_alpha_slider=False, visible_by_default=prefix != hidden
         )
+        # A visualizer outside of any diagram: its input gets the scene as a fixed value, and it draws once.
         visualizer = MeshcatVisualizer(meshcat, shown)
         context = visualizer.CreateDefaultContext()
         visualizer.query_object_input_port().FixValue(context, query)
@@ -120,9 +124,11 @@ def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
         prefixes: paths in Meshcat's tree, and the role of the shapes under each.
     """
     inspector = query.inspector()
-    frames, found = inspector.GetAllFrameIds(), list[Command]()
-    for frame, (path, matrix) in zip(frames, placed(query, frames), strict=True):
+    frames = inspector.GetAllFrameIds()
+    found: list[Command] = []
+    for frame, (path, matrix) in zip(frames, frame_poses(query, frames), strict=True):
         for prefix, role in prefixes.items():
+            # Bodies without a shape of this role have no object in the tree, and the world never moves.
             if (
                 inspector.NumGeometriesForFrameWithRole(frame, role)
                 and frame != inspector.world_frame_id()
@@ -133,7 +139,7 @@ def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
     return found
 
 
-def placed(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple[str, list[float]]]:
+def frame_poses(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple[str, list[float]]]:
     """Yield the path of each frame in Meshcat's tree, under a prefix, and its pose.
 
     The pose is a homogeneous matrix, 16 numbers column by column, as Meshcat expects it.
@@ -162,11 +168,11 @@ def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> Non
     """
     for move in result.moves:
         if len(move.search):
-            begin, end = (
-                np.asfortranarray(points.T) for points in (move.search[:, 0], move.search[:, 1])
-            )
+            # Meshcat takes points as columns.
+            begins = np.asfortranarray(move.search[:, 0].T)
+            ends = np.asfortranarray(move.search[:, 1].T)
             meshcat.SetLineSegments(
-                f"search/{move.robot}/{number}", begin, end, 1.0, Rgba(*rgb(colours.SEARCH))
+                f"search/{move.robot}/{number}", begins, ends, 1.0, Rgba(*rgb(colours.SEARCH))
             )
 
 
@@ -250,11 +256,12 @@ def _copies(
     moving = []
     for frame in inspector.GetAllFrameIds():
         body_of_frame = plant.GetBodyFromFrameId(frame)
+        # Anchored bodies are at the same place in all postures, so a copy would only cover them.
         if body_of_frame is None or plant.IsAnchored(body_of_frame):
             continue
         is_chosen = own is None or body_of_frame.model_instance() == own
         if is_chosen and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration):
             moving.append(frame)
-    for body, matrix in placed(scene.query(), moving):
+    for body, matrix in frame_poses(scene.query(), moving):
         yield {"type": "copy", "path": f"{path}/{body}", "source": f"{SHOWN}/{body}", **looks}
         yield {"type": "set_transform", "path": f"{path}/{body}", "matrix": matrix}

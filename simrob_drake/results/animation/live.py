@@ -10,6 +10,7 @@ import numpy as np
 from pydrake.geometry import Meshcat, Role
 
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.parts.controllers.section import ControllerSection, commanded_sections
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.results.animation.camera import WINDOW_ASPECT, camera_on, robots_to_follow, side
@@ -122,6 +123,7 @@ class StationView:
             for robot in robots
             if robot.name in of_controllers or (robot.model.feet and robot.floats)
         ]
+        # A camera that followed one of several robots would lose the others.
         if len(followed) != 1:
             return []
         place = scene.pose(followed[0].root).translation()
@@ -139,6 +141,7 @@ class StationView:
         """
         points = scene.extents(scene.initial[np.newaxis])
         azimuth = side(scene.station)
+        # The shapes are sent in the initial posture, for which the camera is set; `draw` shows the state afterwards.
         scene.place(scene.initial)
         # The camera is in its place: from here on it moves as the robot does.
         here = [{**command, "begins": True} for command in self._follow_commands(scene)[:1]]
@@ -149,6 +152,7 @@ class StationView:
                 draw_floor_lines(meshcat, scene, size=config.floor.size)
             look(meshcat, camera_on(points, aspect=self._aspect, azimuth=azimuth))
 
+        # Bodies of the former station that the new one does not have would stay in the page.
         self._tell("scene", [{"type": "delete", "path": "/drake/station"}, *commands(draw), *here])
 
 
@@ -216,6 +220,8 @@ class LiveView:
         if self._window is None or not np.isfinite(positions).all():
             return
         if self._last is None or time < self._last.time:  # another run begins
+            # A run may begin at any time, and the clock of the computer is compared with it from its first
+            # step.
             self._next_frame = time
             self._clock_at_zero = perf_counter() - time
             self._shown.clear()
@@ -223,13 +229,14 @@ class LiveView:
         if self._last is not None and self._last.time < time:
             start = self._last
         while self._next_frame <= time:
-            part = (
-                (self._next_frame - start.time) / (time - start.time) if time > start.time else 1.0
-            )
+            # The first step of a run has no length: its picture is that of the end.
+            length = time - start.time
+            part = (self._next_frame - start.time) / length if length > 0 else 1.0
             self._wait()
             self._view.show(start.positions + part * (positions - start.positions))
             self.say(f"{self._next_frame:.2f} s  {self._speed(self._next_frame):.1f} ×")
             self._next_frame += FRAME
+        # A copy, since the solver reuses the array in its next step.
         self._last = _Sample(time, positions.copy())
 
     def _wait(self) -> None:
@@ -264,9 +271,14 @@ class LiveView:
         self._window = None
 
 
-_STOP = "stop: space"  # label of the button that sets all numbers of a command to zero
-_SLIDER_STEPS = 5  # steps of a slider from zero to its upper limit
-_SLIDER_DECIMALS = 6  # decimals of a slider's value
+_STOP = "stop: space"
+"""Label of the button that sets all numbers of a command to zero."""
+
+_SLIDER_STEPS = 5
+"""Count of steps of a slider from zero to its upper limit."""
+
+_SLIDER_DECIMALS = 6
+"""Decimals of a slider's value."""
 
 
 class Steering:
@@ -278,23 +290,24 @@ class Steering:
     Attributes:
         controls: controls of the page, by label. With several commanded controllers, the label begins with the name of
             the controller. Only those of the first controller have keys.
-        hands: functions that command the controllers, as ``simulate(commands=...)`` takes them. They return None until
-            the user touches a control.
+        commands: functions that command the controllers, by name, as ``simulate(commands=...)`` takes them. They return
+            None until the user touches a control.
         board: the page. It shows where the program has set the sliders.
     """
 
     def __init__(self, config: StationConfig) -> None:
-        """Make the controls for a station. There are none if no controller takes commands."""
+        """Make the controls for a station. Without a controller that takes commands, the page has no controls."""
         sections = commanded_sections(config.controllers)
         self.controls = dict[str, Control]()
-        self.hands: dict[str, Callable[[float], tuple[float, ...] | None]] = {}
+        self.commands: dict[str, Callable[[float], tuple[float, ...] | None]] = {}
         self._shown = dict[str, float]()
         station = resolve(config)
         for number, (name, section) in enumerate(sections.items()):
             prefix = f"{name}: " if len(sections) > 1 else ""
             robot = station.robot(section.robot_name, f"controllers.{name}")
+            # A key can only command one controller.
             self.controls |= _controls(section, robot, prefix, keys=number == 0)
-            self.hands[name] = partial(self._command, prefix, section)
+            self.commands[name] = partial(self._command, prefix, section)
         self.board: Board | None = None
         self._begun = set[str]()
 
@@ -317,6 +330,7 @@ class Steering:
         sliders = [prefix + part.label for part in parts]
         stop = self.controls[prefix + _STOP]
         if stop.value:
+            # The button is pressed only once; until the next press the sliders count again.
             stop.value = 0.0
             self._show(sliders, [0.0] * len(sliders))
             self._begun.add(prefix)
@@ -345,6 +359,9 @@ class Steering:
             self._shown[name] = value
 
 
+keep_former_attributes(Steering, hands="commands")
+
+
 def _controls(
     section: ControllerSection, robot: ResolvedRobot, prefix: str, *, keys: bool
 ) -> dict[str, Control]:
@@ -366,8 +383,8 @@ def _controls(
             value=0.0,
             low=lower,
             high=upper,
-            step=(upper or 1.0)
-            / _SLIDER_STEPS,  # a slider takes no step of 0, which an upper limit of 0 would give
+            # An upper limit of 0 would give a step of 0, which no slider takes.
+            step=(upper or 1.0) / _SLIDER_STEPS,
             key=down or None,
             key_up=up or None,
         )

@@ -61,10 +61,14 @@ class _Size(NamedTuple):
     height: int
 
 
-_HEIGHT = 360
-_LOW_HEIGHT = 240
 _FEW = 7
-"""Height of the images of a strip of a few images, and of more images [pixels]; and the largest count of a few."""
+"""Largest count of images of a strip that are high."""
+
+_HEIGHT = 360
+"""Height of the images of a strip with at most `_FEW` images [pixels]."""
+
+_LOW_HEIGHT = 240
+"""Height of the images of a strip with more images [pixels], which are more in a row and in more rows."""
 
 _LEAST_HEIGHT = 16
 """Least height of an image of a strip [pixels]."""
@@ -141,6 +145,7 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
         raise InvalidParameter(
             "height", height, message("results.least_pixels", "at least 16 [pixels]")
         )
+    # Checked above: setting up the studio takes seconds.
     studio = Studio(result, height=height, oversampling=2)
     texts = captions_of(result, studio, times)
     if events:
@@ -199,7 +204,7 @@ def save_video(result: RecordedRun, file: Path, *, frames_per_second: float = 30
     if not file.parent.is_dir():
         problem = message(
             "results.no_folder_for_file",
-            "{file} cannot be written: there is no folder {folder}",
+            "{file} cannot be written: the folder {folder} does not exist",
             file=file,
             folder=file.parent,
         )
@@ -249,6 +254,7 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
             writer.send(None)  # starts the generator, which then waits for images
             for image in chain([first], remaining):
                 writer.send(np.ascontiguousarray(image))
+        # Before the file gets its name: a broken video never replaces a good one.
         _check_video(work)
     return file
 
@@ -266,7 +272,7 @@ def _check_video(file: Path) -> None:
     except RuntimeError as error:
         problem = message(
             "results.video_broke_off",
-            "{work} cannot be written: it broke off, the disk may be full",
+            "{work} cannot be written: the video is incomplete. The disk may be full",
             work=file,
         )
         raise OutputError(problem) from error
@@ -356,6 +362,8 @@ def _wrap(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
         fitting = ""
         for word in line.split(" "):
             longer = f"{fitting} {word}" if fitting else word
+            # Measured in the font itself: an estimate by letters would break captions too early, or let
+            # neighbours touch.
             if fitting and font.getlength(longer) > width:
                 lines.append(fitting)
                 fitting = word
@@ -368,11 +376,11 @@ def _wrap(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
 class Studio:
     """A station in front of a camera that has the whole motion of a run in its picture.
 
-    The camera stands still, or goes beside a robot that walks.
+    The camera does not move, or follows a robot that walks.
 
     Attributes:
         robot_displacement: displacement of the robot that walks; None if no robot walks.
-        camera_displacement: displacement of the camera; None if the camera stands still.
+        camera_displacement: displacement of the camera; None if the camera does not move.
     """
 
     def __init__(
@@ -394,7 +402,7 @@ class Studio:
             width: width of the images [pixels]. If it is None, it follows from the motion.
             oversampling: edge of the square of rendered pixels whose mean is a pixel of the image. Edges are smoother
                 with more.
-            follow: whether the camera goes beside a robot that walks. Otherwise the whole path is in the picture.
+            follow: whether the camera follows a robot that walks. Otherwise the whole path is in the picture.
             azimuth: direction from the station to the eye, counterclockwise from x [rad]. If it is None, it is at the
                 right of the front.
             widest: largest width over height, if the width follows from the motion.
@@ -411,6 +419,7 @@ class Studio:
             path = self.robot_displacement(
                 np.linspace(result.start_time, result.stop_time, _PATH_SAMPLES)
             )
+            # A floor that ends under a walking robot would look as if the robot left the station.
             config = with_floor_under(config, path)
         self._scene = ViewedStation(config, engine=MakeRenderEngineVtk(_engine_params()), path=path)
         if azimuth is None:
@@ -429,11 +438,11 @@ class Studio:
             displacements = self.camera_displacement(times)
         rows = positions_in(self._scene.station, self._result, times)
         for positions, displacement in zip(rows, displacements, strict=True):
-            yield self._lens.image(self._scene, positions, self._camera.moved(displacement))
+            yield self._lens.image(self._scene, positions, self._camera.translate(displacement))
 
 
 class Still:
-    """A station in front of a camera, without a run. The camera goes beside robots on legs."""
+    """A station in front of a camera, without a run. The camera follows robots on legs."""
 
     def __init__(self, config: StationConfig) -> None:
         """Set the camera up for a station.
@@ -458,14 +467,12 @@ class Still:
         """Render an image, shape (360, 480, 3), of positions of the whole plant, shape (nq,)."""
         camera = self._camera
         if self._follows:
+            # The middle of all bodies, since without a run no signal of the base exists.
             middle = self._scene.extents(positions[np.newaxis]).mean(axis=0)
-            # level only, so that a fall is visible
-            displacement = (middle - self._middle) * [
-                1,
-                1,
-                0,
-            ]
-            camera = camera.moved(displacement)
+            displacement = middle - self._middle
+            # The camera stays at its height, so that a fall is visible.
+            displacement[2] = 0.0
+            camera = camera.translate(displacement)
         return self._lens.image(self._scene, positions, camera)
 
 
@@ -501,6 +508,7 @@ class _Lens:
         size = (rendered.width(), rendered.height())
         # Drake's pixels have a fourth value, the opacity, which is not used.
         image = Image.frombuffer("RGBX", size, rendered.data, "raw", "RGBX", 0, 1)
+        # A copy, since the array would keep the whole rendered image with its fourth value in memory.
         return np.asarray(image.reduce(self._oversampling))[:, :, :3].copy()
 
 

@@ -72,8 +72,10 @@ _SMALLEST = 0.01
 """A force is drawn if it is at least this part of a large one."""
 
 _RADIUS = 0.003
+"""Radius of the shaft of an arrow [m]."""
+
 _HEAD = 0.02
-"""Radius of the shaft of an arrow, and length of its head [m]."""
+"""Length of the head of an arrow [m]."""
 
 _SPHERE = Rgba(*rgb(FORCE), 0.6)
 """Colour of contact spheres. The arrow is visible through them."""
@@ -150,6 +152,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     """
     meshcat = open_meshcat()
     displacement = walked_displacement(result)
+    # Views hide the axes; in a recording they show the directions of the signals' x, y and z.
     meshcat.SetProperty("/Axes", "visible", True)
     meshcat.SetProperty("/Axes/<object>", "position", [0.0, 0.0, _OVER_FLOOR])
     path = np.zeros((len(times), 3)) if displacement is None else displacement(times)
@@ -171,6 +174,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     # "</script>" in the name of a station would end the script: "<\\/" is the same text for JavaScript.
     json_data = json.dumps(data).replace("</", "<\\/")
     script = f"<script>const RUN = {json_data};\n{_SCRIPT.read_text(encoding='utf-8')}</script>\n"
+    # Meshcat's scripts come first: ours uses the objects that they make.
     before, end, after = meshcat.StaticHtml().rpartition("</body>")
     return f"{before}{script}{end}{after}"
 
@@ -221,12 +225,14 @@ def _legend(result: RecordedRun) -> list[_LegendEntry]:
     for robot in result.plant.robots.values():
         if robot.tcp:
             owner = f" of {robot.name}" if has_several_robots else ""
-            entries.append(_LegendEntry(path_colour(result, robot.name), f"way of the tool{owner}"))
+            entries.append(
+                _LegendEntry(path_colour(result, robot.name), f"path of the tool{owner}")
+            )
     if any(len(move.search) for part in result.parts for move in part.moves):
-        entries.append(_LegendEntry(SEARCH, "what the search tried"))
+        entries.append(_LegendEntry(SEARCH, "paths that the search tried"))
     if result.contacts_at is not None:
         entries.append(_LegendEntry(FORCE, "contact forces"))
-        entries.append(_LegendEntry(SUM_OF_FORCES, "their sum on a body"))
+        entries.append(_LegendEntry(SUM_OF_FORCES, "sum of the forces on a body"))
     return entries
 
 
@@ -248,6 +254,7 @@ def _record(
     """
     visualizer = scene.visualizer
     assert visualizer is not None
+    # Bodies need not move in the page while they are recorded: the animation sets all poses.
     animation = visualizer.StartRecording(set_transforms_while_recording=False)
     # Meshcat rounds times of the animation down to frames: half a frame more is safe from errors of the arithmetic.
     animation_times = [(frame + 0.5) / frames_per_second for frame in range(len(times))]
@@ -281,6 +288,7 @@ def draw_contact_forces(
         return
     moments = [Contacts.of(results) for results in result.contacts_at(times)]
     contacts = Contacts.concatenate(moments)
+    # One scale for the whole run, so that arrows of different frames can be compared.
     magnitudes = np.linalg.norm(contacts.forces, axis=1)
     if not magnitudes.size:
         return
@@ -319,6 +327,7 @@ def _draw_contact_spheres(
             inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)
         ]
         visible_radii = [look.radius() for look in visible_shapes if isinstance(look, Sphere)]
+        # The foot is a ball that is drawn already.
         if any(radius >= sphere.radius() for radius in visible_radii):
             continue
         body = inspector.GetName(frame).replace("::", "/")
@@ -337,6 +346,8 @@ def _forces_of_places(moments: Sequence[Contacts], least: float) -> Iterator[lis
         least: magnitude of the least force [N].
     """
     places_of_moments = [_places_of(moment) for moment in moments]
+    # One arrow for each place of the whole run, which is hidden while there is no contact: Meshcat cannot add
+    # objects in the middle of an animation.
     all_places = dict.fromkeys(place for places in places_of_moments for place in places)
     for place in all_places:
         forces: list[_Force | None] = []
@@ -387,6 +398,8 @@ def _sums(inspector: SceneGraphInspector, contacts: Contacts) -> dict[_BodyPair,
         rows = [touch.row for touch in touches]
         signs = np.array([touch.sign for touch in touches])
         pressures = np.linalg.norm(contacts.normal_forces[rows], axis=1)
+        # The sum of a single contact would cover its own arrow. Without normal forces there is no centre of
+        # pressure.
         if len(rows) > 1 and pressures.any():
             # Centre of pressure: sum(p_i x_i) / sum(p_i), with the normal forces p_i at the points x_i.
             centre = pressures @ contacts.points[rows] / pressures.sum()
@@ -435,6 +448,7 @@ def _draw_arrow(
         # The arrow is visible through the body that it acts on.
         meshcat.SetProperty(f"{path}/{part}/<object>", "material.depthTest", False)
     for time, force in zip(animation_times, forces, strict=True):
+        # Each property is set in every frame: the animation keeps the last value otherwise.
         meshcat.SetProperty(path, "visible", force is not None, time)
         if force is None or not force.components.any():
             continue  # a force of 0 has no direction
@@ -443,4 +457,5 @@ def _draw_arrow(
         meshcat.SetTransform(path, RigidTransform(rotation, force.point), time)
         meshcat.SetProperty(f"{path}/shaft", "scale", [1.0, 1.0, length], time)
         meshcat.SetProperty(f"{path}/shaft", "position", [0.0, 0.0, length / 2], time)
+        # The head keeps its size, so that the arrows of small forces are visible, too.
         meshcat.SetProperty(f"{path}/head", "position", [0.0, 0.0, length], time)

@@ -108,6 +108,7 @@ class RobotView:
         shown = np.empty(0)  # different from any positions, so that the first are shown
         while not self._window.controls[_STOP].value and monotonic() < end:
             positions = np.array(list(self.sliders().values()))
+            # Nothing is sent while no slider moves: the page would draw the same picture thirty times a second.
             if not np.array_equal(positions, shown):
                 self._plant.SetPositions(plant_context, positions)
                 self._window.tell("poses", pose_commands(self._geometry(), _PREFIXES))
@@ -118,6 +119,7 @@ class RobotView:
         """Positions of the sliders by joint, in the order of the plant's positions [rad or m]."""
         positions = {}
         for label, control in self._window.controls.items():
+            # The button to stop has no unit, so that it is none of them.
             if label.endswith(_DEGREES.suffix):
                 positions[label.removesuffix(_DEGREES.suffix)] = math.radians(control.value)
             elif label.endswith(_METRES.suffix):
@@ -141,6 +143,7 @@ def _sliders(plant: MultibodyPlant) -> dict[str, Control]:
     units = [_METRES] * len(names)
     for index in plant.GetJointIndices():
         joint = plant.get_joint(index)
+        # Other joints with a position slide.
         if joint.type_name() == RevoluteJoint.kTypeName:
             units[joint.position_start()] = _DEGREES
     scales = np.array([unit.scale for unit in units])

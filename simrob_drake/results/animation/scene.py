@@ -61,7 +61,7 @@ _REACH = 5.0
 """Distance up to which a page has lines around the origin of the world [m]."""
 
 _CONFIGURATION_COUNT = 24
-"""Count of configurations, at even times, that stand for a motion."""
+"""Count of configurations, at even times, that represent a motion."""
 
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 """Corners of a cube with half edges of length 1, shape (8, 3)."""
@@ -113,6 +113,7 @@ class ViewedStation(PosedStation):
                     builder, station.scene_graph, meshcat, params
                 )
 
+        # Without contact the plant needs no collision shapes, which it would have to load.
         super().__init__(config.model_copy(update={"contact": None}), add)
 
     def draw(self, positions: Vector, time: float = 0.0) -> None:
@@ -139,7 +140,7 @@ class ViewedStation(PosedStation):
 
         Args:
             result: the run.
-            displacement: displacement of a camera that goes beside the only robot. Then the points are those of this
+            displacement: displacement of a camera that follows the only robot. Then the points are those of this
                 robot, relative to the camera's start.
 
         Returns:
@@ -152,6 +153,7 @@ class ViewedStation(PosedStation):
         if displacement is None:
             return self.extents(positions)
         (robot,) = self.station.robots.values()
+        # Pieces stay where they are while the camera moves, so that only the robot has to be in the picture.
         corners = self._corners(positions, robot.instance)
         return (corners - displacement(times)[:, np.newaxis]).reshape(-1, 3)
 
@@ -177,6 +179,7 @@ class ViewedStation(PosedStation):
         corners_of_shapes = {}
         for shape in inspector.GetAllGeometryIds(Role.kIllustration):
             box = inspector.GetObbInGeometryFrame(shape)
+            # Infinite shapes, such as a half space, have no box around them.
             if box is not None and inspector.GetFrameId(shape) in links:
                 corners_of_shapes[shape] = box.pose() @ (_CORNERS * box.half_width()).T
         points: list[Vector] = []
@@ -219,6 +222,7 @@ def floor_lines(around: Vector, *, size: float) -> Vector:
     low = np.maximum(around.min(axis=0) - _AROUND, -size / 2)
     high = np.minimum(around.max(axis=0) + _AROUND, size / 2)
     lines = []
+    # Lines along x first, which have a whole multiple as their y; then lines along y.
     for along, across in ((0, 1), (1, 0)):
         first = int(np.ceil(low[across] / SPACING))
         last = int(np.floor(high[across] / SPACING))
@@ -244,7 +248,10 @@ def add_floor_grid(
     source = scene_graph.RegisterSource("floor_grid")
     path_on_floor = (tilt.inverse() @ path.T).T
     for number, (begin, end) in enumerate(floor_lines(path_on_floor, size=size)):
+        # The line is where one coordinate is the same at both of its ends.
         across = 0 if begin[0] == end[0] else 1
+        # Counted from the origin of the floor, so that bold lines stay in place whatever part of the floor has
+        # lines.
         is_bold = round(begin[across] / SPACING) % _BOLD == 0
         width = _WIDTH * (2 if is_bold else 1)
         # Render engines have no lines: each is a flat box, whose top is over the floor.

@@ -1,7 +1,7 @@
 """A page on this computer that a program draws into, and whose sliders and buttons only its user can set.
 
-The page is Meshcat's. It receives its commands as server-sent events, so that the browser lets no other page read
-them. The page itself sends short messages: a JSON list of a name and a value. Nothing else that arrives is parsed.
+The page is Meshcat's. It receives its commands as server-sent events, which the browser allows no other page to read.
+The page itself sends short messages: a JSON list of a name and a value. Nothing else that arrives is parsed.
 """
 
 import json
@@ -114,7 +114,8 @@ class Board:
         self.controls = controls or {}
         self._hears = hears
         self._news = Condition()
-        self._commands: dict[str, Sequence[Command]] = {}  # by subject
+        # By subject. A page that is opened later gets all of them, so it shows the same picture as the others.
+        self._commands: dict[str, Sequence[Command]] = {}
         self._versions: dict[str, int] = {}  # number of the latest event of each subject
         self._count = count(1)
         self._open = True
@@ -158,6 +159,7 @@ class Board:
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             return
         if math.isfinite(value):
+            # The page keeps sliders within their limits, but the message may come from another program.
             control.value = min(max(value, control.low), control.high)
             with self._news:  # a value that the program has set is no longer valid
                 self._commands.pop(f"control {name}", None)
@@ -189,6 +191,7 @@ class Board:
             the commands as an event; a comment if nothing is new for some seconds; None if the board is closed.
         """
         with self._news:
+            # The lock of the condition is released while it waits, so that the program can send.
             self._news.wait_for(lambda: self._new_subjects(known) or not self._open, timeout=_PAUSE)
             if not (self._open or self._new_subjects(known)):
                 return None
@@ -251,6 +254,7 @@ class Window(Board):
     def close(self) -> None:
         """Close the window and its port."""
         super().close()
+        # The events end first: their threads would otherwise wait for news of a closed window.
         self._server.shutdown()
         self._server.server_close()
 
@@ -277,7 +281,7 @@ def _server(window: Window) -> _Server:
             continue
         server.window = window
         return server
-    raise AssertionError
+    raise AssertionError  # the loop ends with any free port, or with its error
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -295,6 +299,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(200, "text/html; charset=utf-8", window.page)
         elif self.path.partition("?")[0] == f"{window.path}events":
             self._answer(200, "text/event-stream")
+            # A page that lost its connection asks for the events after the last one that it has received.
             for event in window.events(number_of(self.path.rpartition("=")[2])):
                 self.wfile.write(event)
         else:
@@ -334,7 +339,9 @@ class _Handler(BaseHTTPRequestHandler):
         """
         self.send_response(code)
         self.send_header("Content-Type", kind)
+        # The browser keeps no copy of the page, whose address belongs to this window only.
         self.send_header("Cache-Control", "no-store")
+        # A foreign page could show ours in a frame and lead the user's clicks to our buttons.
         self.send_header("X-Frame-Options", "DENY")
         self.end_headers()
         self.wfile.write(content)

@@ -1,9 +1,9 @@
 """Blocks and arrows of a station's block picture, and the nets and columns in which they are drawn.
 
-A *block* stands for one or several systems of the station's Diagram. An *arrow* leads from a block to another one and
+A *block* represents one or several systems of the station's Diagram. An *arrow* leads from a block to another one and
 carries one or several signals. A *port* is a block for an output of the station, or for an input that nothing feeds.
-A *bar* is a thin block that joins signals (mux) or distributes them (bus). A *net* is a signal on its way from a block
-to all blocks that read it: the picture shows it as one line that branches. The *role* of a block, such as "servo",
+A *bar* is a thin block that joins signals (mux) or distributes them (bus). A *net* is a signal from a block to all
+blocks that read it: the picture shows it as one line that branches. The *role* of a block, such as "servo",
 determines its colour and its column; roles are in the order of the signal flow, from the references to the sensors.
 """
 
@@ -21,7 +21,7 @@ BARS: tuple[Shape, ...] = ("mux", "bus")
 """Shapes of thin bars: a mux joins signals, a bus distributes them."""
 
 FOLDED = "folded "
-"""Beginning of the key of a block that stands for a whole subsystem. The key of one of its blocks follows."""
+"""Beginning of the key of a block that represents a whole subsystem. The key of one of its blocks follows."""
 
 
 @dataclass
@@ -34,7 +34,7 @@ class DrawnBlock:
         robot: name of the robot that the block belongs to; empty if the robots share it.
         label: lines of the block's text.
         shape: how the block is drawn: as a box, a thin bar, an oval port, or a circle for a sum.
-        systems: names of the systems of the Diagram that the block stands for.
+        systems: names of the systems of the Diagram that the block represents.
         inside: steps of the block's computation in their order, drawn as boxes inside the block.
         within: key of the block whose system does the work, such as the plant for a servo in its actuators. It is
             empty if the block has systems of its own.
@@ -105,6 +105,7 @@ class BlockGraph:
         """
         if source == target:
             return
+        # A list, not a set: the same Diagram gives the same picture.
         carried = self.arrows.setdefault(Ends(source, target), [])
         for signal in signals:
             if signal not in carried:
@@ -127,7 +128,7 @@ class BlockGraph:
         target_rank = ROLES.index(self.blocks[target].role)
         exchange = Ends(source, target) in self.arrows and Ends(target, source) in self.arrows
         if source_rank == target_rank and exchange:
-            # Their roles do not say which of them commands the other.
+            # Equal roles do not show which of the two commands the other.
             keys = list(self.blocks)
             return keys.index(source) < keys.index(target)
         return source_rank <= target_rank
@@ -156,10 +157,11 @@ class BlockGraph:
         """
         bars = [block for block in self.blocks.values() if block.shape in BARS]
         for bar in bars:
+            # A mux has many sources and one target. A bus has one source and many targets.
             many_ends = self.sources(bar.key) if bar.shape == "mux" else self.targets(bar.key)
             roles = {self.blocks[end].role for end in many_ends}
             if len(many_ends) > 1 and len(roles) == 1:
-                # The role is that of the column, so that the bar stands next to the blocks that it serves.
+                # The role determines the column, so that the bar is next to the blocks that it serves.
                 bar.role = roles.pop()
             else:
                 self._bypass(bar.key)
@@ -168,7 +170,7 @@ class BlockGraph:
         """Remove a block, and connect each of its sources to each of its targets."""
         for source in self.sources(key):
             for target in self.targets(key):
-                # The names behind the block say more, for example which part of the state a target reads.
+                # The names behind the block are more specific, such as the part of the state that a target reads.
                 signals = self.arrows[Ends(key, target)] or self.arrows[Ends(source, key)]
                 self.connect(source, target, signals)
         self.arrows = {ends: signals for ends, signals in self.arrows.items() if key not in ends}
@@ -190,6 +192,8 @@ class BlockGraph:
             if port == key:
                 graph.blocks[key] = replace(block)
             else:
+                # The first output of a group has made the port. Its copy is extended, so that this graph itself
+                # does not change.
                 graph.blocks[port].label += f"\n{block.label}"
         for ends, signals in self.arrows.items():
             graph.connect(ends.source, port_of_output.get(ends.target, ends.target), signals)
@@ -230,6 +234,7 @@ class BlockGraph:
             # The first block of a subsystem adds the common block, and all of them add their systems.
             graph.blocks.setdefault(shown_key, folded).systems += block.systems
         for ends, signals in self.arrows.items():
+            # Arrows within a folded subsystem would lead from a block to itself, and are dropped.
             graph.connect(shown_keys[ends.source], shown_keys[ends.target], signals)
         return graph
 
@@ -270,11 +275,11 @@ class _Subsystem(NamedTuple):
 
 @dataclass
 class Net:
-    """A signal on its way from a block to all blocks that read it, drawn as one line that branches.
+    """A signal from a block to all blocks that read it, drawn as one line that branches.
 
     Attributes:
         source: key of the block where the net begins.
-        text: name of the signal, or names of several signals that go the same way.
+        text: name of the signal, or names of several signals with the same source and the same targets.
         both: whether the net is an exchange of signals with a single target. Then both its ends have arrowheads.
         targets: keys of the blocks to which the net leads.
     """
@@ -313,6 +318,7 @@ def nets_of(graph: BlockGraph) -> list[Net]:
     for arrow in graph.drawn_arrows():
         target = graph.blocks[arrow.target]
         if target.shape == "port":
+            # Ports wait until all other nets are known: they may join one of them.
             port_groups[_PortGroup(arrow.source, target.robot)].append(arrow.target)
             continue
         key = _NetKey(arrow.source, arrow.text, _net_group(graph, arrow))
@@ -394,7 +400,7 @@ def _is_output(graph: BlockGraph, block: DrawnBlock) -> bool:
 
 
 def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
-    """Largest count of blocks on a chain of arrows that leads to each block, within some blocks.
+    """Count, for each of some blocks, the largest number of blocks on a chain of arrows that leads to it.
 
     Arrows that lead back, or that close a loop, are ignored.
 
@@ -406,15 +412,16 @@ def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
         the counts by key. A block that no other block of these feeds has 0.
     """
     successors: dict[str, list[str]] = {}
-    finished: list[
-        str
-    ] = []  # in the order of depth-first search: each block after all of its successors
+    # In the order of depth-first search: each block comes after all of its successors.
+    finished: list[str] = []
 
     def visit(key: str, path: tuple[str, ...]) -> None:
+        """Search from a block in depth. The path has the keys from the first block to this one."""
         forward = _forward_targets(graph, key)
         successors[key] = [target for target in forward if target in keys and target not in path]
         for target in successors[key]:
             if target not in successors:
+                # The path finds loops: an arrow to a block that is already on it is ignored.
                 visit(target, (*path, target))
         finished.append(key)
 

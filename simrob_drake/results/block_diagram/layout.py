@@ -1,12 +1,12 @@
 """Sizes and positions of the blocks of a picture: in columns along the signal flow.
 
-The picture consists of *boxes*. A box is a block, or the list of all output ports of a robot. Boxes stand in columns;
+The picture consists of *boxes*. A box is a block, or the list of all output ports of a robot. Boxes are in columns;
 within its column, a box is as close as possible to the heights of the boxes that it is connected to, so that most
 arrows are straight. Each net (a signal that one block sends to others) meets the left side of the boxes that read it,
 its *inlets*, and the right side of its source, its *outlet*.
 
 Positions are in pixels, x to the right and y down. Heights of inlets and outlets are measured from the middle of their
-box. :mod:`simrob_drake.results.block_diagram.routing` sets x afterwards, once it knows how many lines pass between
+box. :mod:`simrob_drake.results.block_diagram.routing` sets x afterwards, from the count of lines that pass between
 the columns.
 """
 
@@ -97,7 +97,7 @@ class Box:
         entry_height: height of the centre of all inlets, from the middle [px].
         exit_height: height of the centre of all outlets, from the middle [px].
         inlets: height of the end of each net that enters at the left, from the middle, by the index of the net [px].
-        outlets: height of each net that leaves at the right, likewise.
+        outlets: height of the end of each net that leaves at the right, from the middle, by the index of the net [px].
     """
 
     blocks: list[DrawnBlock]
@@ -188,7 +188,7 @@ class Layout:
     def _blocks_of_boxes(self, graph: BlockGraph) -> list[list[DrawnBlock]]:
         """Group the blocks that share a box: output ports by robot, in the order of their nets; others are alone.
 
-        The groups are ordered by robots. Forces are the last of their robot, because they stand below the servos.
+        The groups are ordered by robots. Forces are the last of their robot, because they are drawn below the servos.
         """
         port_lists: dict[str, list[DrawnBlock]] = defaultdict(list)
         targets = [target for net in self.nets for target in net.targets]
@@ -199,14 +199,19 @@ class Layout:
         listed_keys = {block.key for ports in port_lists.values() for block in ports}
         groups = [port_lists[robot] for robot in self._robots if robot in port_lists]
         groups += [[block] for block in graph.blocks.values() if block.key not in listed_keys]
-        return sorted(
-            groups, key=lambda group: (self._robots.index(group[0].robot), group[0].role == "force")
-        )
+
+        def rank(group: list[DrawnBlock]) -> tuple[int, bool]:
+            """Sort key of a group: the robot, then whether it is a force. False comes before True."""
+            first = group[0]
+            return self._robots.index(first.robot), first.role == "force"
+
+        return sorted(groups, key=rank)
 
     def _make_box(self, blocks: list[DrawnBlock], column: int) -> Box:
         """Make the box of a block, or of several ports, with the size that their text needs."""
         block = blocks[0]
         if block.shape in BARS:
+            # The height is provisional: a bar is stretched along the boxes that it joins.
             return Box(blocks, [], column, _BAR_WIDTH, PITCH)
         robot_lines = [block.robot] if self._has_several_robots and block.robot else []
         if _is_output_port(block):
@@ -215,6 +220,7 @@ class Layout:
             return Box(blocks, robot_lines, column, width + 2 * _MARGIN, ROW * len(texts))
         lines = [*robot_lines, *block.label.split("\n")]
         if block.shape == "sum":
+            # A sum only shows its sign: the circle has no room for the name of the robot.
             return Box(blocks, lines[-1:], column, _SUM_SIZE, _SUM_SIZE)
         return self._make_block_box(block, lines, column)
 
@@ -253,9 +259,11 @@ class Layout:
         for number in range(_ROUNDS):
             self._order_ends()
             to_the_right = number % 2 == 0
+            # Later rounds keep the order, so that the heights settle.
             may_reorder = number < _ROUNDS // 2
             for column in self.columns if to_the_right else reversed(self.columns):
                 self._align(column, to_the_right, may_reorder=may_reorder)
+        # The last round has moved boxes, and so the heights from which nets come.
         self._order_ends()
         self._straighten_at_bars()
         self._straighten_nets()
@@ -299,6 +307,7 @@ class Layout:
         """Sort the ports of a list like their nets: nets from farther left are higher, since they pass above boxes."""
 
         def rank(port: DrawnBlock) -> tuple[int, float, int]:
+            """Sort key of a port: column and height of its source, then the index of its net."""
             index = next(index for index, net in enumerate(self.nets) if port.key in net.targets)
             source = self.boxes[self.nets[index].source]
             return source.column, source.y, index
@@ -328,6 +337,7 @@ class Layout:
         """
 
         def desired_height(box: Box) -> float:
+            """Height at which a box should be [px]."""
             return self._desired_height(box, to_the_right)
 
         if may_reorder:
@@ -343,8 +353,8 @@ class Layout:
 
         Args:
             box: the box. A bar keeps its height, because the boxes that it joins determine that.
-            to_the_right: whether nets that enter decide. If there are none, those that leave do; and the other way
-                round if the columns are aligned to the left.
+            to_the_right: whether the columns are aligned to the right. The nets that enter the box then decide, or
+                those that leave if none enters. For an alignment to the left, the nets that leave come first.
         """
         if box.is_bar:
             return box.y
@@ -357,7 +367,7 @@ class Layout:
                 # A list of ports is high: it is only placed in the middle of its sources.
                 distant.append(other.y)
             elif not other.is_port_list and not other.is_force:
-                # Ports and forces adapt to this box, not the other way round.
+                # Ports and forces are aligned to this box. It is not aligned to them.
                 own_ends = box.inlets if connection.is_incoming else box.outlets
                 # A force stays below the line of the torques, which leads from the servos to the plant.
                 below_torques = box.height / 2 + 2 * PITCH if box.is_force else 0.0
@@ -382,6 +392,7 @@ class Layout:
             top = min(heights)
             bottom = max(heights)
             bar.y = (top + bottom) / 2
+            # A pitch beyond the outermost boxes at both ends.
             bar.height = bottom - top + 2 * PITCH
 
     def _many_sided(self, bar: Box) -> list[_Connection]:
@@ -425,6 +436,7 @@ class Layout:
         for index, net in enumerate(self.nets):
             source = self.boxes[net.source]
             targets = dict.fromkeys(self.boxes[key] for key in net.targets)
+            # Nets to farther columns pass other boxes, and are routed later.
             near = [box for box in targets if box.column == source.column + 1]
             # A net with several targets can only be straight to one of them, unless it leaves from a long bar.
             for target in near if source.is_bar else near[:1]:
@@ -467,11 +479,13 @@ def _move_end(box: Box, ends: dict[int, float], net: int, offset: float) -> None
         net: index of the net.
         offset: new height from the middle of the box [px].
     """
+    # An end at the corner of a box would look as if the line passed the box. A bar has no visible corners [px].
     distance_to_corner = 2 if box.is_bar else 6
     reach = box.height / 2 - distance_to_corner
     others = [height for other, height in ends.items() if other != net]
     # Nets that change their order at a box would cross.
     keeps_order = all((height < ends[net]) == (height < offset) for height in others)
+    # A little closer than usual is allowed, since a straight line is worth it.
     is_clear = all(abs(height - offset) >= PITCH - 6 for height in others)
     if abs(offset) <= reach and keeps_order and is_clear:
         ends[net] = offset

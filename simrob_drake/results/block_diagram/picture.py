@@ -183,6 +183,7 @@ class Drawing:
         for index, part in enumerate(self._parts):
             drawn = "".join(_svg_mark(mark) for mark in part.marks)
             if live and index < len(self._nets):
+                # The parts of the nets are the first ones, so that their indices are those of the nets.
                 drawn = _svg_wire(index, self._nets[index], drawn)
                 values.append(_svg_value(index, self._nets[index]))
             lines.append(
@@ -201,6 +202,7 @@ class Drawing:
         """
         from matplotlib.figure import Figure  # slow to load, and SVG does not need it
 
+        # A pixel of the drawing is a point, so that fonts have the same size as in SVG.
         size = (self._width / _POINTS_PER_INCH, self._height / _POINTS_PER_INCH)
         figure = Figure(figsize=size, dpi=_RESOLUTION)
         # The axes fill the figure, with a pixel of the drawing as unit. Matplotlib's y is upwards, unless the limits
@@ -277,10 +279,14 @@ def _parts_of_ports(box: Box) -> Iterator[_Part]:
     top = box.y - box.height / 2
     middle = box.x + box.width / 2
     for text in box.lines:
-        yield _Part("", [_Text(text, Point(middle, top + LINE - 2), line_colour, bold=True)])
+        base_line = Point(middle, top + LINE - 2)
+        # The name of the robot is no block: a click on it selects nothing.
+        yield _Part("", [_Text(text, base_line, line_colour, bold=True)])
     for port in box.blocks:
         y = box.y + box.port_offset(port.key)
-        area = _Area(_rectangle(box.x, y - ROW / 2, box.width, ROW), line_colour, _WHITE)
+        outline = _rectangle(box.x, y - ROW / 2, box.width, ROW)
+        area = _Area(outline, line_colour, _WHITE)
+        # 3.5 px below the middle, the base line puts small letters in the middle.
         label = _Text(port.label, Point(middle, y + 3.5), _WHITE, size=_SIGNAL_SIZE)
         yield _Part(port.key, [area, label])
 
@@ -298,6 +304,7 @@ def _content_of_block(box: Box, block: DrawnBlock, line_colour: str) -> Iterator
     content_height = LINE * len(box.lines) + fsum(LINE * len(step) + 2.5 * CELL for step in steps)
     y = box.y - content_height / 2
     for index, text in enumerate(box.lines):
+        # The first line is the name of the robot only in stations of several robots, and then it is bold.
         is_robot = index == 0 and text == block.robot and len(box.lines) > 1
         yield _Text(
             text, Point(middle, y + LINE - 3), line_colour if is_robot else _BLACK, bold=is_robot
@@ -387,7 +394,7 @@ def _svg_value(index: int, drawn_net: _DrawnNet) -> str:
         x = label.x + text_width(f"{net.text} ", _SIGNAL_SIZE)
         y = label.y
     else:
-        # The line is so short that the value would reach into the next block, so it stands above both.
+        # The line is so short that the value would reach into the next block, so it is written above both.
         x = label.x - _VALUE_HEIGHT / 2
         y = label.y - _VALUE_HEIGHT
     return (
@@ -509,6 +516,7 @@ def main(folder: Path | None = None) -> None:
 
 def _graph(config: StationConfig) -> BlockGraph:
     """Build a station, and read the blocks of its picture."""
+    # The station as it would run: the picture shows the very Diagram, not a description of it.
     closed = closed_station(resolve(config))
     return read_blocks(closed.diagram, closed.ports)
 

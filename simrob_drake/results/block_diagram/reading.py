@@ -165,6 +165,7 @@ class _Reader:
         self._draw_outputs()
         self.graph.dissolve_bars()
         for signals in self.graph.arrows.values():
+            # In the order in which formulas have the symbols, whatever the order of Drake's connections.
             signals.sort(key=_rank_of_signal)
 
     def _draw(self, name: str, drawing: Drawn) -> None:
@@ -186,6 +187,7 @@ class _Reader:
             inside=drawing.inside,
             within=drawing.within,
         )
+        # Systems that share a block, such as the servos of all axes, declare it with the same key.
         block = self.graph.blocks.setdefault(drawing.key, new)
         if drawing.within:
             # The system of another block does the work, such as the plant for a servo in its actuators. The Diagram
@@ -223,7 +225,8 @@ class _Reader:
                 continue
             for origin in self._origins(feed):
                 signals = self._signals_at(_PortId(name, "in", index)) or origin.signals
-                # A force reads the poses of bodies from the plant. That says nothing about the force, and is not drawn.
+                # A force reads the poses of bodies from the plant to find its point of application. An arrow would
+                # suggest a feedback, and is not drawn.
                 is_pose_for_force = (
                     drawing.role == "force" and self.graph.blocks[origin.block].role == "robot"
                 )
@@ -243,7 +246,7 @@ class _Reader:
     def _origins(self, output: _OutputId) -> list[_Origin]:
         """Find the blocks from which the values of an output come.
 
-        If the output's system is wiring, the search goes on at its inputs. An input that nothing feeds is drawn as an
+        If the output's system is wiring, the search continues at its inputs. An input that nothing feeds is drawn as an
         input of the station. The symbols are those of the port nearest to the output.
         """
         name = output.system
@@ -253,6 +256,7 @@ class _Reader:
             key = drawing.key
             if drawing.net:
                 parts = list(drawing.net)
+                # The outputs of such a system are in the order of its parts.
                 key = f"{drawing.key}.{parts[output.port_index]}"
             return [_Origin(key, signals_here)]
 
@@ -268,7 +272,7 @@ class _Reader:
 
     def _signals_at(self, port: _PortId) -> Signals:
         """Symbols of the signals at a port; empty if the port has none."""
-        # The station's own names come first: they say more than the names of Drake's ports.
+        # The station's own symbols come first: they are more specific than those of Drake's ports.
         if port in self._symbols:
             return self._symbols[port]
         system = self._systems[port.system]
@@ -323,6 +327,7 @@ def _rank_of_signal(signal: str) -> int:
 def station_description(config: StationConfig) -> str:
     """Description of a station; a message, if the station comes with the package, so that other languages have it."""
     file = station_files().get(config.name)
+    # A user may have copied a station of the package and described it anew.
     if file is None or read_yaml(file).get("description") != config.description:
         return config.description
     return description_message("station", config.name, config.description)
@@ -434,6 +439,7 @@ def _declared_drawing(name: str, ports: StationPorts) -> _Declaration:
     """Find the declaration for a system: the one with its name, or else with the longest part before a dot."""
     drawings = ports.picture.drawn
     while name not in drawings:
+        # A part declares its subsystem once, and all systems whose names begin with that name belong to it.
         name, dot, _ = name.rpartition(".")
         if not dot:
             return _Declaration(is_found=False, drawing=None)
@@ -535,6 +541,7 @@ def _dot_attributes(attributes: dict[str, str]) -> str:
 
 def _dot_string(text: str) -> str:
     """Write a text as a string in the language of Graphviz, in quotes."""
+    # Backslashes first: the other replacements add some.
     escaped = text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
     return f'"{escaped}"'
 
@@ -564,6 +571,7 @@ def mermaid_text(graph: BlockGraph) -> str:
 
 def _mermaid_outline(block: DrawnBlock) -> str:
     """Write the outline, the text and the style class of a block for Mermaid, as they follow the block's name."""
+    # Mermaid has no thin bars: a small filled circle takes their place.
     if block.shape in BARS:
         return '((" ")):::bar'
     text = _mermaid_string(block.text)
@@ -576,5 +584,6 @@ def _mermaid_outline(block: DrawnBlock) -> str:
 
 def _mermaid_string(text: str) -> str:
     """Write a text as a string for Mermaid, in quotes."""
+    # Mermaid takes texts as HTML, with its own escapes. Line breaks come last, since they contain "<".
     escaped = text.replace('"', "#quot;").replace("<", "#lt;").replace("\n", "<br/>")
     return f'"{escaped}"'

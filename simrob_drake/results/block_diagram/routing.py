@@ -80,7 +80,8 @@ class Lines:
     dots: list[Point] = field(default_factory=list)
 
 
-@dataclass(eq=False)  # trunks of different nets may have the same heights
+# Compared by identity: trunks of different nets may have the same heights.
+@dataclass(eq=False)
 class _Trunk:
     """Upright line of a net in a channel.
 
@@ -190,6 +191,7 @@ class Routing:
         # Upper and lower end of each column [px]. They grow with each lane, which later lanes pass farther out.
         self._tops = [min(box.y - box.height / 2 for box in column) for column in layout.columns]
         self._bottoms = [max(box.y + box.height / 2 for box in column) for column in layout.columns]
+        # Heights first, then the tracks of trunks between them, and then x: each needs the one before.
         self._route_lanes()
         for channel in range(self._channel_count):
             self._set_tracks(channel)
@@ -234,6 +236,7 @@ class Routing:
             passages += self._join_neighbours(index, net)
 
         def priority(passage: _Passage) -> tuple[int, float, int]:
+            """Sort key of a passage: its length, then the height of its source, from below."""
             length = passage.last - passage.first
             return length, -self._source(passage.net).y, passage.net
 
@@ -279,6 +282,7 @@ class Routing:
 
     def _route_back(self, passage: _Passage) -> None:
         """Add the lane of a net that leads back: a single one, below all columns that it passes."""
+        # Below, so that the reader sees feedback at the bottom of the picture, as control engineers draw it.
         height = self._height_beyond(passage.first, passage.last, upper=False)
         self._reserve(height, passage.first, passage.last)
         self._add_lane(passage.net, _Lane(height, passage.first, passage.last), passage.stops)
@@ -287,7 +291,7 @@ class Routing:
         """Add the lanes of a net that leads ahead: one to each channel where it enters boxes."""
         height = self._start_height(passage.net)
         begin = passage.first
-        # Each lane begins at the height of the one before, so that a straight way on is preferred.
+        # Each lane begins at the height of the one before, so that a straight continuation is preferred.
         for stop in passage.stops:
             height = self._height_of_lane(passage.net, height, begin, stop)
             self._reserve(height, begin, stop)
@@ -312,11 +316,13 @@ class Routing:
         bottom = max(self._bottoms[first:last])
         count = int((bottom - top) / _SEARCH_STEP)
         heights_inside = [top + _SEARCH_STEP * step for step in range(count)]
+        # Exact heights first: the search in steps would miss the one that gives a straight line.
         candidates = [height, *aims, *heights_inside]
         free = [candidate for candidate in candidates if self._is_free(net, candidate, first, last)]
         free.append(self._height_beyond(first, last, upper=True))  # there is always room above
 
         def detour(candidate: float) -> tuple[float, float]:
+            """Sort key of a height: length of the upright lines at both ends [px], then of that at the begin."""
             upright_at_begin = abs(candidate - height)
             upright_at_end = abs(candidate - aim)
             return upright_at_begin + upright_at_end, upright_at_begin
@@ -469,6 +475,7 @@ class Routing:
         end_x = box.x
         if box.is_port_list:
             ports = self._layout.port_range(net, box)
+            # A net to a single port ends at the port itself.
             if ports.first < ports.last:
                 end_x = box.x - _BRACKET
                 bracket = [

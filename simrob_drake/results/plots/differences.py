@@ -1,4 +1,4 @@
-"""Keys in which saved results differ, by which a legend tells them apart."""
+"""Keys in which saved results differ, with which a legend distinguishes the results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -49,7 +49,7 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
 
 
 def _with_same_keys(settings: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Replace a number that stands for all axes, such as a gain, by one for each axis that another result names.
+    """Replace a number that is valid for all axes, such as a gain, by one for each axis that another result names.
 
     Args:
         settings: the values of each result by dotted keys. One result has ``servo.kp``, another ``servo.kp.lift``.
@@ -83,28 +83,29 @@ def _settings(folder: Path) -> dict[str, Any]:
     station = folder / STATION
     if station.is_file():
         content = read_yaml(station)
-        settings.update(
-            _flatten({key: content[key] for key in content if key not in _WITHOUT_EFFECT})
-        )
+        effective = {key: content[key] for key in content if key not in _WITHOUT_EFFECT}
+        settings.update(_values_by_key(effective))
     program = folder / PROGRAM
     if program.is_file():
         moves = read_yaml(program).get("moves", [])
-        settings.update(_flatten({"program": {"moves": moves}}))
+        settings.update(_values_by_key({"program": {"moves": moves}}))
+        # The duration of a program follows from its moves, which are compared already.
         settings.pop(_DURATION, None)
     return settings
 
 
-def _flatten(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+def _values_by_key(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield each value of nested mappings and lists with its dotted key. Entries of lists have their index, from 0."""
     if isinstance(content, Mapping):
         entries = [(str(name), value) for name, value in content.items()]
+    # A list of numbers, such as a position, is one value: single components would mean nothing in a legend.
     elif isinstance(content, list) and any(isinstance(value, Mapping | list) for value in content):
         entries = [(str(index), value) for index, value in enumerate(content)]
     else:
         yield key, content
         return
     for name, value in entries:
-        yield from _flatten(value, f"{key}.{name}" if key else name)
+        yield from _values_by_key(value, f"{key}.{name}" if key else name)
 
 
 def _in_words(value: Any) -> str:

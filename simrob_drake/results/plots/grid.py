@@ -36,7 +36,12 @@ TIME_LABEL = message("results.time_label", "time [s]")
 
 
 class Span(NamedTuple):
-    """The part of a run that a figure shows: its first and its last time [s]."""
+    """A part of a run, such as the one that a plot shows.
+
+    Attributes:
+        begin: its first time [s].
+        end: its last time [s].
+    """
 
     begin: float
     end: float
@@ -70,7 +75,7 @@ _RELIABLE = 0.95
 """Part of a diverging run, from its start, that sets the scale. After that the values grow without limit."""
 
 _HUGE = 1e9
-"""Values beyond this are drawn at this value: nobody reads them off a plot, and Matplotlib cannot draw infinity."""
+"""Values beyond this are drawn at this value: a plot cannot be read there, and Matplotlib cannot draw infinity."""
 
 _MOST_STACKS = 48
 """Most stacks of a figure. A figure of 300 takes a minute and half a gigabyte."""
@@ -169,7 +174,7 @@ def grid_figure(
     Args:
         result: the run whose times the curves have.
         title: title of the figure, after the name of the station.
-        stacks: the stacks. Only the first 48 are drawn; then the title says so.
+        stacks: the stacks. Of more than 48, the first 48 are drawn, and the title has both counts.
         columns: count of stacks in a row. If it is None, up to three stacks are one row, and more are about a square.
         width: width of the figure [inches]. The figure is wider if the frames would be too narrow.
         legend: width of a legend right of each frame [inches]. If it is 0, the figure has one legend at its top.
@@ -245,6 +250,7 @@ class _Numbers(Formatter):
     def format_ticks(self, values: Sequence[float]) -> list[str]:
         """Write the numbers of an axis, all with the fewest decimals by which they differ."""
         largest = max(map(abs, values), default=0.0)
+        # Neighbouring numbers must differ, so the rounding is compared with their distance.
         step = float(np.diff(np.sort(values)).min()) if len(values) > 1 else largest
         is_plain = largest == 0 or _PLAIN[0] <= largest < _PLAIN[1]
         notation = "f" if is_plain else "g"
@@ -265,7 +271,7 @@ class _LocalNumbers(ScalarFormatter):
 
 
 class _Grid:
-    """A figure of stacks in rows: :meth:`draw` draws the curves, then :meth:`arrange` places the frames.
+    """Stacks in rows of one picture. :meth:`draw` draws the curves, then :meth:`arrange` places the frames.
 
     The order matters, since the width of the numbers at the axes depends on the curves.
 
@@ -274,13 +280,21 @@ class _Grid:
     """
 
     def __init__(self, result: RecordedRun, stacks: Sequence[Stack], columns: int) -> None:
-        """Make the empty frames of a figure."""
+        """Make the empty frames of the stacks.
+
+        Args:
+            result: the run.
+            stacks: the stacks, row after row.
+            columns: count of stacks in a row.
+        """
         self._result = result
         self._stacks = stacks
         self._columns = columns
         self.figure = Figure()
         self._frames = [
-            [self.figure.add_axes((0.0, 0.0, 1.0, 1.0)) for _ in stack.plots] for stack in stacks
+            # Matplotlib requires a position; `arrange` sets the final one.
+            [self.figure.add_axes((0.0, 0.0, 1.0, 1.0)) for _ in stack.plots]
+            for stack in stacks
         ]
         self._legend_lines: dict[str, Line2D] = {}  # lines of the legend at the top, by label
 
@@ -294,7 +308,7 @@ class _Grid:
         times = self._result.times
         is_shown = (times >= span.begin) & (times <= span.end)
         all_plots = [plot for stack in self._stacks for plot in stack.plots]
-        # A detail of a run shows each movement, so its lines do not run together.
+        # A detail of a run is short enough that its lines do not run together.
         is_thin = is_shown.all() and is_dense(all_plots)
         line_width = _THIN_WIDTH if is_thin else _USUAL_WIDTH
         for index, stack in enumerate(self._stacks):
@@ -305,6 +319,7 @@ class _Grid:
                 style(axes, stack.title if is_first else "")
                 lines = self._draw_curves(axes, plot, is_shown, line_width)
                 _set_time_limits(axes, span)
+                # All plots of a stack have the same axis of time: its numbers are under the last one.
                 axes.tick_params(labelbottom=is_last)
                 axes.set_ylabel(
                     translate(plot.label) if self._is_labelled(index) else "", fontsize=9
@@ -320,6 +335,7 @@ class _Grid:
                         bbox_to_anchor=(1.0, 1.0),
                         borderaxespad=0.0,
                     )
+            # Only the lowest stack of each column has the label of the axis of time.
             has_stack_below = index + self._columns < len(self._stacks)
             if not has_stack_below:
                 frames[-1].set_xlabel(translate(TIME_LABEL))
@@ -334,7 +350,7 @@ class _Grid:
             self._legend_lines[label] = axes.axvline(self._result.stop_time, **looks)
 
     def arrange(self, title: str, frame_width: float, legend: float, remark: str) -> None:
-        """Set the size of the figure, the positions of its frames and their labels, and write the title.
+        """Place all frames and their labels, set the size of the picture, and write its title.
 
         Args:
             title: title of the figure, after the name of the station.
@@ -342,6 +358,7 @@ class _Grid:
             legend: width of the legend right of each frame [inches]; 0 if there is none.
             remark: a sentence below the title; empty for none.
         """
+        # One width for all frames, so that the frames of a column are aligned.
         numbers_width = max(_width_of_numbers(axes) for axes in self.figure.axes)
         inner_stacks = [index for index in range(len(self._stacks)) if index % self._columns != 0]
         inner_label = _LABEL if any(self._is_labelled(index) for index in inner_stacks) else 0.0
@@ -362,6 +379,8 @@ class _Grid:
                 axes.set_position(
                     (x / width, y / height, frame_width / width, plot.height / height)
                 )
+                # Labels are placed in parts of the frame: left of the widest numbers, in the middle of the
+                # height.
                 axes.yaxis.set_label_coords(-(numbers_width + 0.08) / frame_width, 0.5)
                 axes.xaxis.set_label_coords(0.5, -_BELOW / plot.height)
         self._write_head(f"{self._result.config.name}: {translate(title)}", lines, head_height)
@@ -397,7 +416,7 @@ class _Grid:
         return _Tops(of_frames, end=down)
 
     def _write_head(self, title: str, lines: Sequence[_HeadLine], head_height: float) -> None:
-        """Write the title, the legend and the lines of text at the top of the figure.
+        """Write the title, the legend and the lines of text above all frames.
 
         Args:
             title: the title.
@@ -407,7 +426,7 @@ class _Grid:
         width, height = self.figure.get_size_inches()
 
         def position(down: float, left: float = _MARGIN) -> "_Position":
-            """Convert a distance from the top and from the left [inches] to parts of the figure's size."""
+            """Convert distances from the top and from the left [inches] to Matplotlib's coordinates, from 0 to 1."""
             return _Position(left / width, 1 - down / height)
 
         title_at = position(0.25)
@@ -434,6 +453,7 @@ class _Grid:
         Returns:
             the lines by label.
         """
+        # A low frame, as that of an error, has room for few numbers.
         tick_count = 5 if plot.height > 1 else 3
         axes.yaxis.set_major_locator(MaxNLocator(tick_count, steps=[1, 2, 2.5, 5, 10]))
         axes.set_title(translate(plot.note), loc="right", fontsize=8, color=RED, y=1.0)
@@ -451,6 +471,7 @@ class _Grid:
             (lines[label],) = axes.plot(
                 times, curve.values[is_shown], curve.line, label=label, **looks
             )
+        # The axis is scaled to the shown part: a detail shows small movements large.
         shown_values = np.array([curve.values[is_shown] for curve in plot.curves])
         _set_value_limits(axes, plot.label, _readable(reliable_samples(self._result, shown_values)))
         return lines
@@ -462,19 +483,30 @@ class _Grid:
         """
         if index % self._columns == 0:
             return True
+        # The label ends with the unit, so that stacks of another unit have a label of their own.
         label_at_left = self._stacks[index - 1].plots[0].label
         return self._stacks[index].plots[0].label != label_at_left
 
 
 class _Tops(NamedTuple):
-    """Distances from the top of the figure [inches]: of the upper edge of each frame, and of the end of all frames."""
+    """Distances from the top of the picture [inches].
+
+    Attributes:
+        of_frames: distance of the upper edge of each frame.
+        end: distance of the end of all frames, with the numbers of the axis of time.
+    """
 
     of_frames: dict[Axes, float]
     end: float
 
 
 class _Position(NamedTuple):
-    """A position in a figure, as parts of its width and height, from the lower left corner."""
+    """A position in Matplotlib's coordinates: parts of the width and the height, from the lower left corner.
+
+    Attributes:
+        x: part of the width, from 0 to 1.
+        y: part of the height, from 0 to 1.
+    """
 
     x: float
     y: float
@@ -554,5 +586,6 @@ def _turn_count(values: Vector, least_span: float) -> float:
 
 def _readable(values: Vector) -> Vector:
     """Values without NaN, and within a range that a plot can show, shape (k,). If none is left, a single 0."""
+    # Samples without a value are NaN, such as those of a controller before its first sample.
     found = values[~np.isnan(values)]
     return np.asarray(np.clip(found, -_HUGE, _HUGE)) if found.size else np.zeros(1)

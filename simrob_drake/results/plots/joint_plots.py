@@ -92,7 +92,7 @@ class SideGroup:
         Args:
             values: values of all axes of the robot, shape (m, n).
             label: name of the curve in the legend, if the robot has no sides. Otherwise the side is the name.
-            colour: colour of the curve, likewise.
+            colour: colour of the curve, if the robot has no sides. Otherwise each side has its colour.
         """
         curves = []
         for side, axis in self.axes.items():
@@ -104,12 +104,13 @@ class SideGroup:
 
 
 def side_groups(robot: StationRobot) -> list[SideGroup]:
-    """Group the axes of a robot by sides, in the order of the axes. A pair stands where its first axis is."""
+    """Group the axes of a robot by sides, in the order of the axes. A pair has the position of its first axis."""
     groups = []
     for index in range(len(robot.axes)):
         pair = _pair_of(robot, index)
         if pair is None:
             groups.append(SideGroup(robot.axes[index], {"": index}))
+        # Both axes find the same pair; it is added once, by its first axis.
         elif index == min(pair.axes.values()):
             groups.append(pair)
     # In a robot without pairs, the colours of sides would mean nothing.
@@ -128,6 +129,7 @@ def _pair_of(robot: StationRobot, index: int) -> SideGroup | None:
     words = robot.axes[index].split("_")
     axes = {}
     for side in sides:
+        # Sides are whole words between underscores: "brightness" has no side.
         name = "_".join(side if word in sides else word for word in words)
         if name in robot.axes:
             axes[side] = robot.axes.index(name)
@@ -242,7 +244,7 @@ _ERROR_UNITS = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])
 _LOCK_ANGLE = 80.0
 """Ry beyond which small rotations are large angles Rz and Rx [deg]. At 90 deg the two turn about the same axis."""
 
-_LOCK_NOTE = message("results.near_gimbal_lock", "large where Ry is near ±90")
+_LOCK_NOTE = message("results.near_gimbal_lock", "large where Ry is near ±90 deg (gimbal lock)")
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a diverging run may have infinite poses
@@ -256,6 +258,7 @@ def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     references = poses_from_matrices(reference_tools(result, robot))
     # No jumps from 180 to -180 degrees.
     poses[:, _ORIENTATION] = np.unwrap(poses[:, _ORIENTATION], axis=0)
+    # Otherwise the error of a tool that is near its reference could be 360 degrees.
     references[:, _ORIENTATION] = _nearest(references[:, _ORIENTATION], poses[:, _ORIENTATION])
     shown = _in_degrees(poses)
     targets = _in_degrees(references)
@@ -304,6 +307,8 @@ def reference_tools(result: RecordedRun, robot: StationRobot) -> Vector:
     plant = robot.plant
     tool = robot.tools[robot.tcp]
     context = plant.CreateDefaultContext()
+    # The recorded positions with the axes replaced: the base of a robot is where it was at each time, so that only the
+    # errors of the axes are shown.
     positions = robot.axis_map.spread_positions(
         result.axes("q_ref", robot.name), result.positions_at(result.times)
     )
@@ -347,7 +352,7 @@ _PATH_COLOUR = "0.35"
 """Matplotlib's name of a dark grey: 0 is black, 1 white."""
 
 _NARROWEST = 0.1
-"""Least width of the picture of the path [m], so that the trembling of a robot that stands is not shown large."""
+"""Least width of the picture of the path [m], so that the trembling of a standing robot is not shown large."""
 
 _ARROW_COUNT = 8
 """Count of arrows along the path."""
@@ -375,12 +380,13 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
         Plot(_with_unit(turn, "deg"), [Curve(yaw, turn, _FACING)]),
     ]
     stack = Stack(message("results.over_time", "over time"), plots)
-    # The room of the legends right of the curves is also that of the path.
+    # The picture of the path shares the space right of the curves with their legends.
     figure = grid_figure(result, title, [stack], width=_WIDTH, legend=_RIGHT + 0.2)
     first = figure.axes[0].get_position()
     last = figure.axes[-1].get_position()
     inch = 1 / figure.get_size_inches()[0]  # as a part of the figure's width
     area = (first.x1 + _LEFT * inch, last.y0, (_RIGHT - _LEFT) * inch, first.y1 - last.y0)
+    # A run that diverges would make its path a point in an empty frame.
     path = reliable_samples(result, pose[:, :2].T)
     _draw_path(figure.add_axes(area), path, heading)
     return figure
@@ -398,6 +404,7 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     width = _set_path_limits(axes, path)
     axes.plot(path[0], path[1], color=_PATH_COLOUR, linewidth=1.4)
 
+    # Even in time, so that arrows are close together where the robot is slow.
     shown = np.unique(np.linspace(0, path.shape[1] - 1, _ARROW_COUNT).astype(int))
     length = _ARROW_LENGTH * width
     along_x = length * np.cos(heading[shown])

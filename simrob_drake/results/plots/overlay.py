@@ -45,7 +45,7 @@ class SavedSignals:
     """Signals of a result that was saved to a folder.
 
     Attributes:
-        name: name in the legend: the folder, and what tells the result apart.
+        name: name in the legend: the folder, and the settings in which the result differs from the others.
         times: times of the samples, shape (m,) [s].
         columns: the signals by name, shape (m,) each.
         units: units of the signals by name.
@@ -84,6 +84,7 @@ def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
         InvalidConfig: a folder holds no result, or a damaged one.
     """
     results = [read_signals(folder) for folder in folders]
+    # A single result differs from no other: its name has the gains of its servos instead.
     if len(results) == 1:
         return results
     names = [
@@ -103,10 +104,11 @@ def read_signals(folder: Path) -> SavedSignals:
     if not table.is_file():
         problem = message(
             "results.no_result_folder",
-            "must be the folder of a result, with {signals}",
+            "must be the folder of a result, which contains {signals}",
             signals=SIGNALS,
         )
         raise InvalidConfig(folder, "", problem)
+    # Units are not in the table of signals itself, whose first line has names only.
     summary = parse_json(text_of(folder / SUMMARY), folder / SUMMARY)
     names = column_names(table)
     values, _ = read_columns(table, names)
@@ -138,16 +140,16 @@ def overlay_figure(
     names = _named_signals(results, patterns) if patterns else _signals_of_moving_joints(results)
     if not 0 < len(names) <= _MOST:
         expected = message(
-            "results.count_of_plots", "1 to {most}: name fewer, such as q.joint_2", most=_MOST
+            "results.count_of_plots",
+            "1 to {most} signals; a pattern such as q.joint_2 selects fewer",
+            most=_MOST,
         )
         raise InvalidParameter(argument, len(names), expected)
     column_count = 1 if len(names) == 1 else 2
     row_count = ceil(len(names) / column_count)
     width, height = _FRAME
     title = (
-        results[0].name
-        if len(results) == 1
-        else message("results.overlaid", "results over each other")
+        results[0].name if len(results) == 1 else message("results.overlaid", "overlaid results")
     )
     figure, frames = panels(
         title,
@@ -164,6 +166,7 @@ def overlay_figure(
     for axes in lowest_of_columns:
         axes.set_xlabel(translate(TIME_LABEL))
         axes.tick_params(labelbottom=True)
+    # An odd count of signals leaves the last frame empty.
     for axes in frames.flat[len(names) :]:
         axes.set_visible(False)
     return figure
@@ -177,6 +180,7 @@ def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None
         name: name of the signal.
         results: the results. Those without this signal have no curve.
     """
+    # Results of older versions may lack units; one result that has them is enough.
     units = [result.units[name] for result in results if name in result.units]
     unit = units[0] if units else "1"
     shown_unit, factor = _USER_UNITS.get(unit, (unit, 1.0))
@@ -207,18 +211,22 @@ def _named_signals(results: Sequence[SavedSignals], patterns: Sequence[str]) -> 
 
 
 def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
-    """Names of positions and torques of the joints that move in one of the results: both of a joint, then the next.
+    """Names of the positions and torques of the joints that move in at least one of the results.
 
-    If no joint moves, those of all joints are named; if there are no joints, all signals as far as a figure has room.
+    Each position is followed by the torque of the same joint. If no joint moves, the signals of all joints are named.
+    Results without joints have all of their signals, up to the largest count of frames.
     """
     names = list(dict.fromkeys(name for result in results for name in result.columns))
     positions = [name for name in names if _is_position(name)]
     moving = [name for name in positions if any(_moves(result, name) for result in results)]
+    known = set(names)
     found: list[str] = []
     for name in moving or positions:
         # The first "q" that is a whole part of the name, such as in "left.q.joint_1".
         torque = re.sub(r"(^|\.)q\.", r"\1tau.", name, count=1)
-        found += [signal for signal in (name, torque) if signal in names]
+        found.append(name)
+        if torque in known:
+            found.append(torque)
     return found or names[:_MOST]
 
 

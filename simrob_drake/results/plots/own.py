@@ -85,7 +85,7 @@ def panels(
     titles: Sequence[str] = (),
     **how: Any,
 ) -> tuple[NotebookFigure, npt.NDArray[Any]]:
-    """Make a figure with empty frames in the style of the plots of a run.
+    """Make empty frames of one picture in the style of the plots of a run.
 
     Args:
         title: title of the figure. :func:`save_figure` writes it.
@@ -98,19 +98,20 @@ def panels(
     Returns:
         the figure, and its frames, shape (rows, columns).
     """
+    # Figures of users have few frames, so that Matplotlib may find their margins itself.
     figure = NotebookFigure(figsize=size, layout="constrained")
     frames = figure.subplots(rows, columns, squeeze=False, **how)
     colours, lines = zip(*looks(_CURVE_STYLES), strict=True)
     for index, axes in enumerate(frames.flat):
         style(axes, titles[index] if index < len(titles) else "")
         axes.set_prop_cycle(color=colours, linestyle=lines)
-    # Only save_figure() knows whether the title is above a legend.
+    # The label keeps the title until save_figure() writes it, with or without a legend below it.
     figure.set_label(translate(title))
     return figure, np.asarray(frames)
 
 
 def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Path:
-    """Write a figure to a file, with a legend that covers no curve. Returns the file.
+    """Write a plot to a file, with a legend that covers no curve. Returns the file.
 
     The label of the figure (``figure.set_label``) is its title. The figure gets a title and legends.
 
@@ -155,7 +156,7 @@ def complete_figure(figure: Figure, *, beside: bool = False) -> None:
 
 
 def _write_legend(figure: Figure, title: str, curves: dict[str, Any]) -> None:
-    """Write a title and a legend at the top of a figure, in as many columns as fit.
+    """Write a title and a legend above all frames, in as many columns as fit.
 
     Args:
         figure: the figure.
@@ -183,7 +184,7 @@ def _write_legend(figure: Figure, title: str, curves: dict[str, Any]) -> None:
 
 @contextmanager
 def as_saved() -> Iterator[None]:
-    """Context in which the same figures give the same files.
+    """Context manager in which the same plots give the same files.
 
     A letter that the font does not have is drawn as a box. Matplotlib's warning of it is not shown.
     """
@@ -194,7 +195,7 @@ def as_saved() -> Iterator[None]:
 
 
 def _wrap(text: object, width: float, letter_width: float) -> str:
-    """Break a text into lines that are no wider than a figure.
+    """Break a text into lines that are no wider than a given width.
 
     Args:
         text: the text.
@@ -266,6 +267,7 @@ def _save_plots_of_extensions(
     for name, draw in usable_objects("plots", Callable).items():
         file = folder / f"{name}.{kind}"
         try:
+            # Names are checked before drawing, since a plot of the core must not be replaced.
             if name in taken:
                 problem_of_name = message(
                     "results.plot_name_taken",
@@ -294,14 +296,19 @@ def _save_plots_of_extensions(
 
 
 class _NamedFigure(NamedTuple):
-    """A figure, and the name of its file without suffix."""
+    """A plot that is ready to be written.
+
+    Attributes:
+        name: name of its file without suffix.
+        figure: Matplotlib's figure.
+    """
 
     name: str
     figure: Figure
 
 
 def _figures(result: RecordedRun) -> Iterator[_NamedFigure]:
-    """Yield the figures of a run: those of its robots, then those of its sensors, pieces and blocks."""
+    """Yield the plots of a run: those of its robots, then those of its sensors, pieces and blocks."""
     for robot in result.plant.robots.values():
         end_of_titles = "" if result.config.only_robot else f", {robot.name}"
         # The prefix of a robot is its name with a dot, or nothing for the only robot.
@@ -313,9 +320,9 @@ def _figures(result: RecordedRun) -> Iterator[_NamedFigure]:
 
 
 def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[_NamedFigure]:
-    """Yield the figures of a robot: positions, torques, the pose of its tool, and the path of its base.
+    """Yield the plots of a robot: positions, torques, the pose of its tool, and the path of its base.
 
-    A robot without a tool has no figure of it, and only a robot that walks has one of its base.
+    A robot without a tool has no plot of its tool, and only a robot that walks has a plot of its base.
 
     Args:
         result: the run.
@@ -342,18 +349,20 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
             whose=whose,
         )
         yield _NamedFigure("tcp", grid_figure(result, title, tcp_stacks(result, robot), columns=3))
+    # The base of an arm stays in its place, and needs no plot.
     if robot.name in legged_robots(result):
         title = message("results.path_of_base", "path of the base{whose}", whose=whose)
         yield _NamedFigure("base", base_figure(result, robot, title))
 
 
 def _with_detail(result: RecordedRun, sheet: Sheet) -> Iterator[_NamedFigure]:
-    """Draw a sheet. If the curves of a long run are dense, a second figure shows a part of its middle."""
+    """Draw a sheet. If the curves of a long run are dense, a second plot shows a part of its middle."""
     yield _NamedFigure(sheet.name, grid_figure(result, sheet.title, sheet.stacks, **sheet.layout))
     # The first plot of a stack shows the value, the others its error.
     first_plots = [stack.plots[0] for stack in sheet.stacks]
     if result.simulated_time < _LONG or not is_dense(first_plots):
         return
+    # The middle of the run: at its start and its end robots often rest.
     begin = result.start_time + (result.simulated_time - _DETAIL) / 2
     span = Span(begin, begin + _DETAIL)
     title = message(

@@ -59,7 +59,7 @@ _USER_UNITS = {"rad": _UserUnit("deg", float(np.rad2deg(1.0)))}
 
 @dataclass(frozen=True)
 class Sheet:
-    """A figure to be drawn.
+    """Description of a plot file: its name, its title and its stacks.
 
     Attributes:
         name: name of the file without suffix.
@@ -115,12 +115,13 @@ _Panels = Mapping[Panel, Sequence[_Quantity]]
 
 
 def panel_sheets(result: RecordedRun) -> Iterator[Sheet]:
-    """Yield the figures of a run's panels, such as ``piece_<piece>``, ``sensors`` and ``controller_<name>``.
+    """Yield the sheets of a run's panels, such as ``piece_<piece>``, ``sensors`` and ``controller_<name>``.
 
-    If a figure has panels of both forms, those with a value for each axis are in ``controller_<name>_axes``.
+    If a sheet has panels of both forms, those with a value for each axis are in ``controller_<name>_axes``.
     """
     panels: dict[Panel, list[_Quantity]] = {}
     for signal in result.signals:
+        # A program has only the columns that all of its runs have: a panel without its columns cannot be drawn.
         if signal.panel is not None and signal.panel in result.panels:
             panels[signal.panel] = _quantities_of(signal, signal.panel, result)
     for figure in dict.fromkeys(panel.figure for panel in panels):
@@ -138,6 +139,7 @@ def _sheets_of_figure(figure: str, panels: _Panels, result: RecordedRun) -> Iter
         panels: the panels.
         result: the run.
     """
+    # Panels of one file often have the same heading, which is written once.
     title = join_texts(dict.fromkeys(panel.heading for panel in panels))
     few: dict[Panel, Sequence[_Quantity]] = {}
     panels_of_robots: dict[str, dict[Panel, Sequence[_Quantity]]] = {}
@@ -173,6 +175,7 @@ def _quantities_of(signal: Signal, panel: Panel, result: RecordedRun) -> list[_Q
         values = user_unit.factor * result[column]
         if is_of_controller and len(values) > 1 and values[0] == 0:
             change = np.ptp(_finite(values))
+            # A curve that begins near zero is left as it is: there the first value may be real.
             if abs(values[1]) > _JUMP * change:
                 values[0] = np.nan
         # A number alone would mean nothing in a legend.
@@ -212,7 +215,7 @@ def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
     if constants:
         remark = message(
             "results.left_out_constant",
-            "left out, as it does not change: {values}",
+            "constant, not plotted: {values}",
             values=join_texts(constants),
         )
     drawn_panels: _Panels = shown or panels
@@ -294,8 +297,10 @@ def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> 
         axes = {robot.axes[index] for index in group.axes.values()}
         if axes & moved_axes:
             moving.append(group)
+        # Axes without any quantity are not left out: there is nothing that could be drawn of them.
         elif axes & named_axes:
             still.append(group)
+    # If no axis moves, all are drawn: an empty picture would look like an error.
     if not moving:
         moving = still
         still = []
@@ -310,7 +315,7 @@ def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> 
     if left_out:
         names = join_texts(left_out)
         remark = message(
-            "results.left_out_still", "left out, as they hardly change: {names}", names=names
+            "results.left_out_still", "almost constant, not plotted: {names}", names=names
         )
     stacks = [Stack(group.name, _axis_plots(group, robot, changing)) for group in moving]
     return Sheet(
@@ -322,6 +327,7 @@ def _moved_axes(panels: _Panels) -> set[str]:
     """Names of the axes that change in one of the panels, by more than a little of the largest change there."""
     names = set[str]()
     for quantities in panels.values():
+        # Relative to the axis that moves most: under servos, every axis trembles a little.
         least_change = _LITTLE * max(quantity.change for quantity in quantities)
         for quantity in quantities:
             if quantity.varies and quantity.change > least_change:
@@ -348,6 +354,7 @@ def _axis_plots(group: SideGroup, robot: StationRobot, panels: _Panels) -> list[
         for quantity in quantities:
             axis = robot.axes.index(quantity.name)
             values[:, axis] = quantity.values
+            # The axes of a group have the same unit, see `_pair_of`.
             if axis == group.first_axis:
                 unit = quantity.unit
         plots.append(Plot(_label(panel, unit), group.curves(values, panel.title, colour)))

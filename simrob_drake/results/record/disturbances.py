@@ -58,9 +58,9 @@ def last_disturbance(run: Run) -> Disturbance | None:
             continues = (
                 before is not None and begins_with_run and before.end >= found.begin - _ROUNDING
             )
-            known[name] = (
-                found._replace(begin=before.begin) if before is not None and continues else found
-            )
+            # The rest of a push that a program has cut: the push began with its first part.
+            begin = before.begin if before is not None and continues else found.begin
+            known[name] = found._replace(begin=begin)
     return max(known.values(), key=lambda disturbance: disturbance.begin, default=None)
 
 
@@ -85,6 +85,7 @@ def _disturbances_of(single: _SingleRun) -> Iterator[tuple[str, Disturbance]]:
     for name, force in config.forces.items():
         if not isinstance(force, Push | Drag) or force.start >= single.run.stop_time:
             continue
+        # Without the key `at`, a force acts on the only robot.
         body = force.at or config.only_robot or name
         if isinstance(force, Push):
             size = float(np.linalg.norm(force.force))

@@ -80,9 +80,8 @@ class Recorder:
         # Values of all records, one record after another: of the continuous state, and of all discrete groups.
         self._continuous = array("d")
         self._discrete = array("d")
-        self._abstract: list[
-            list[AbstractValue]
-        ] = []  # abstract values of each record; empty if there are none
+        # Abstract values of each record; empty if the diagram has none.
+        self._abstract: list[list[AbstractValue]] = []
         self._watchers = watchers
         self._look = look
         self._shown = 0  # count of records that the callback `look` has got
@@ -103,6 +102,7 @@ class Recorder:
         group_indices = range(context.num_discrete_state_groups())
         # Groups are stored one after another: the end of each group in a record of the discrete state.
         sizes = [context.get_discrete_state(index).size() for index in group_indices]
+        # A former diagram may be another one than the present, so sizes and references are looked up anew.
         self._group_ends = np.cumsum(sizes, dtype=int).tolist()
         self._discrete_size = sum(sizes)
         self._continuous_size = context.num_continuous_states()
@@ -111,6 +111,8 @@ class Recorder:
         self._continuous_vector = context.get_continuous_state_vector()
         self._groups = [context.get_discrete_state(index).value() for index in group_indices]
         self._record(context)
+        # The simulator may be initialized already, so its present state is recorded here. If Drake calls the monitor
+        # again at the same time, the later record replaces this one.
         simulator.set_monitor(self._record)
 
     def _record(self, context: Context) -> EventStatus:
@@ -132,6 +134,7 @@ class Recorder:
             self.failure = problem
             raise
         if len(self.times) % _CHECK_EVERY == 0:
+            # Divergence is checked first: monitors would evaluate a state that has no meaning any more.
             if not self.is_sane():
                 return EventStatus.ReachedTermination(self._system, "a state ran away to infinity")
             if self.look():
@@ -142,10 +145,12 @@ class Recorder:
         """Append the time and the state of a context to the record."""
         self.times.append(time)
         if self._continuous_size:
+            # The bytes of a whole vector are copied at once, which is much faster than appending its numbers.
             self._continuous.frombytes(self._continuous_vector.CopyToVector().tobytes())
         if self._discrete_size:
             self._discrete.frombytes(np.concatenate(self._groups).tobytes())
         if self._abstract_indices:
+            # Cloned, since the context keeps changing the same objects.
             values = [context.get_abstract_state(index).Clone() for index in self._abstract_indices]
             self._abstract.append(values)
 
@@ -166,6 +171,7 @@ class Recorder:
 
     def is_sane(self) -> bool:
         """Whether all values of the last record have a size that is possible for a robot."""
+        # Counted from the start: a slice from -0 would take everything if the diagram has no such state.
         continuous = self._continuous[len(self._continuous) - self._continuous_size :]
         discrete = self._discrete[len(self._discrete) - self._discrete_size :]
         return bool(_is_sane(np.array(continuous)).all() and _is_sane(np.array(discrete)).all())
@@ -183,7 +189,9 @@ class Recorder:
         )
         if sane.all():
             return whole
+        # The first row that is not sane: False is the smallest of all booleans.
         first_bad = int(np.argmin(sane))
+        # Row 0 stays in any case, since every history needs a start.
         return self._rows(0, max(first_bad, 1))
 
     def _rows(self, first: int, end: int) -> "StateHistory":
@@ -201,6 +209,7 @@ class Recorder:
         The matrix of all records is a view of the memory, since a long run should not be copied. Others are copies.
         """
         is_everything = first == 0 and end == len(self.times)
+        # A slice of an array of the standard library is a copy, unlike one of NumPy.
         part = values if is_everything else values[first * size : end * size]
         return np.asarray(part).reshape(end - first, size)
 
@@ -217,6 +226,7 @@ def _is_sane(values: Vector) -> Mask:
     NaN and values of RUNAWAY or more are not sane. Infinity is: blocks store it for "not yet", such as a
     monitor whose condition is not met, or the delay of a sampled block before the first sample.
     """
+    # Comparisons with NaN are False, so NaN needs no test of its own.
     return np.asarray(np.isinf(values) | (np.abs(values) < RUNAWAY))
 
 
@@ -271,11 +281,13 @@ class StateHistory:
 
     def __getstate__(self) -> dict[str, Any]:
         """Content of a pickled history: Drake's abstract values as the Python objects that they contain."""
+        # Drake's values cannot be pickled, but the objects in them can.
         values = [[_plain_value(value) for value in row] for row in self.abstract]
         return {**self.__dict__, "abstract": values}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore a pickled history."""
+        # A frozen dataclass refuses assignments, but not changes of its dict.
         self.__dict__.update(state)
         self.__dict__["abstract"] = [
             [_abstract_value(*value) for value in row] for row in state["abstract"]
@@ -320,6 +332,7 @@ class StateHistory:
         width = self.times[after] - self.times[before]
         # The share of the step that has passed at each time, from 0 to 1, shape (k, 1); 1 at the start of the run.
         elapsed = times - self.times[before]
+        # Without a width to divide by, the value of `out` remains: 1, which selects the state of row 0.
         shares = np.divide(elapsed, width, out=np.ones_like(times), where=width > 0)
         part = shares[:, np.newaxis]
         low = self.continuous[before]
@@ -367,6 +380,7 @@ class StateHistory:
             # Row 0 is the start; the first step is the first one with a length after it.
             first_step = 1 + int(np.argmax(has_length[1:]))
             end = np.maximum(end, first_step)
+        # The start of the run, as a step of length zero, begins where it ends.
         begin = self.times[np.maximum(end - 1, 0)]
         discrete = [group[end] for group in self.discrete]
         return StateHistory(begin, self.continuous[end], discrete, self._values_at(end))
@@ -377,6 +391,7 @@ class StateHistory:
 
     def _after(self, times: Vector) -> npt.NDArray[np.intp]:
         """Row of the first state that is not before each of the times; the last row for a time after the end."""
+        # A time may be after the end by rounding; without the bound its row would not exist.
         return np.clip(np.searchsorted(self.times, times, side="left"), 0, len(self.times) - 1)
 
     def put(self, row: int, context: Context) -> None:
@@ -404,6 +419,7 @@ class StateHistory:
         Returns:
             the states of this history before the first time of ``later``, then all states of ``later``.
         """
+        # Strictly before: a row of the same time is replaced by the first row of the later history.
         is_before = self.times < later.times[0]
         discrete = []
         for group, later_group in zip(self.discrete, later.discrete, strict=True):
@@ -435,7 +451,7 @@ class StateHistory:
 
 
 def python_value(value: AbstractValue) -> Any:
-    """Object in an abstract value. It is None for types of Drake's own that Python does not know.
+    """Object in an abstract value. It is None for types of Drake without Python bindings.
 
     A discrete plant of a user's diagram has such a value. It can be copied, but not read.
     """

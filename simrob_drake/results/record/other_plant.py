@@ -31,6 +31,7 @@ def positions_in(station: StationPlant, run: Run, times: Vector) -> Vector:
     # Joints have the same names in both plants, once the prefix of the station in the shared plant is removed.
     recorded_positions = {joint.name: joint.positions for joint in joints_of(own.plant, own.scope)}
     context = station.plant.CreateDefaultContext()
+    # Every joint gets its recorded positions below; the defaults only give the array its shape.
     positions = np.tile(station.plant.GetPositions(context), (len(times), 1))
     for joint in joints_of(station.plant):
         positions[:, joint.positions] = recorded[:, recorded_positions[joint.name]]

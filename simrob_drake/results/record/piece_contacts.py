@@ -56,6 +56,7 @@ def sample_piece_contacts(
         for each free piece, by its name, its contacts in the order of time.
     """
     plant = station.plant
+    # Contact results name shapes, not bodies: the shapes of each piece are looked up once, for all samples.
     shapes_of_pieces = {}
     for piece, body in station.free_pieces.items():
         shapes_of_pieces[piece] = set(plant.GetCollisionGeometriesForBody(body))
@@ -64,6 +65,7 @@ def sample_piece_contacts(
     samples = _evaluated_samples(times)
     results_at_samples = contacts_at(times[samples])
     for sample, results in zip(samples.tolist(), results_at_samples, strict=True):
+        # Point contacts and hydroelastic surfaces in one list, since both exert forces on a piece.
         contacts = Contacts.of(results)
         for piece, shapes in shapes_of_pieces.items():
             found[piece].append(_contact_sample(station, sample, contacts, shapes))
@@ -122,6 +124,7 @@ def _contact_sample(
         force=forces.sum(axis=0),
         partners=frozenset(partners),
         normal=normals.mean(axis=0),
+        # The largest coefficient, so that the verdict on friction errs on the side of the run.
         friction=max(frictions),
     )
 

@@ -89,6 +89,7 @@ def _recorded_motion(run: Run) -> RecordedMotion:
         # The plant that is built again contains the station alone.
         station = PosedStation(run.config).station
         return RecordedMotion(times, positions_in(station, run, times))
+    # The rebuilt plant has the same joints in the same order, so positions need no conversion.
     return RecordedMotion(times, run.positions_at(times))
 
 
@@ -127,9 +128,9 @@ class RebuiltRun:
             raise SimrobError(
                 message(
                     "results.context_lost_by_pickle",
-                    "{station}: a result that was pickled has no context of a diagram of your own; build the diagram "
-                    "again, and continue with "
-                    'simulate_diagram(diagram, ports, start=result.final_state, start_time="keep")',
+                    "{station}: a pickled result does not contain the context of a diagram of your own. Build "
+                    "the diagram again, and continue with simulate_diagram(diagram, ports, "
+                    'start=result.final_state, start_time="keep")',
                     station=self._run.config.name,
                 )
             )
@@ -153,7 +154,10 @@ class RebuiltRun:
             states: Vector = sampler.sample([ports.state], times)[0]
             return states[:, : ports.plant.plant.num_positions()]
         if self._motion is None:
-            raise self._lost(message("results.positions_of_pickled", "positions"))
+            # A run is pickled without a motion if its states suffice. They do not if the station has changed
+            # since, as with another version of the package.
+            raise self._error_of_lost(message("results.positions_of_pickled", "positions"))
+        # Only samples and steps were pickled; a straight line between two of them is the best that is left.
         columns = [
             np.interp(times, self._motion.times, column) for column in self._motion.positions.T
         ]
@@ -162,16 +166,16 @@ class RebuiltRun:
     def _contacts_at(self, times: Vector) -> Iterator[ContactResults]:
         """Yield Drake's contact results at times (k,) [s] of the run."""
         if self._sampler is None:
-            raise self._lost(message("results.contacts_of_pickled", "contact forces"))
+            raise self._error_of_lost(message("results.contacts_of_pickled", "contact forces"))
         yield from self._sampler.contact_results(times)
 
-    def _lost(self, lost: str) -> SimrobError:
-        """Error about values that a pickled run does not contain, such as "positions"."""
+    def _error_of_lost(self, lost: str) -> SimrobError:
+        """Make the error about values that a pickled run does not contain, such as "positions"."""
         return SimrobError(
             message(
                 "results.lost_by_pickle",
-                "{station}: a result that was pickled has no {lost} if its diagram cannot be built again "
-                "(blocks or a diagram of your own); evaluate them before it is pickled",
+                "{station}: a pickled result contains no {lost} if its diagram cannot be built again, as with "
+                "blocks or a diagram of your own; evaluate them before you pickle the result",
                 station=self._run.config.name,
                 lost=lost,
             )
@@ -180,6 +184,7 @@ class RebuiltRun:
     @cached_property
     def _sampler(self) -> "Sampler | None":
         """Evaluates the station at the recorded states. It is None if these do not fit the rebuilt diagram."""
+        # Imported here: a result that is only read, for its signals and its verdict, needs no sampler.
         from simrob_drake.results.record.signals import Sampler
 
         trace = self._run.trace
@@ -189,6 +194,7 @@ class RebuiltRun:
             or not fits(trace.history, self._station)
         ):
             return None
+        # Tolerant, since a block that failed in the run fails again at the states after that.
         return Sampler(self._station.diagram, self._station.ports, trace.history, tolerant=True)
 
     @cached_property
@@ -205,6 +211,8 @@ class RebuiltRun:
             # The class of a user's block may be unknown here, or its file gone.
             if not own_code:  # the error has another cause
                 raise
+            # Its plant does not depend on the user's blocks: pictures and contacts of the recorded motion need
+            # no more than that.
             others = {
                 name: section
                 for name, section in config.controllers.items()
@@ -220,6 +228,8 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
         run: the run.
         config: configuration of the run, perhaps without blocks of the user's own that cannot be made.
     """
+    # Imported here: building a station loads every block and the importers of robots, which plots of a result
+    # do not need.
     from simrob_drake.parts.controllers import own_blocks
     from simrob_drake.parts.controllers.own import with_driven
     from simrob_drake.stations.closed import closed_station, station_references
@@ -247,6 +257,7 @@ def fits(history: StateHistory, built: "ClosedStation") -> bool:
         built: the station with the diagram.
     """
     context = built.diagram.CreateDefaultContext()
+    # Sizes are a necessary condition only: Drake's states have no names that could be compared.
     if history.continuous.shape[1] != context.num_continuous_states():
         return False
     group_count = context.num_discrete_state_groups()
@@ -271,8 +282,8 @@ def check_format(found: object) -> None:
         raise SimrobError(
             message(
                 "results.pickled_by_other_version",
-                "the pickled result is of another version of simrob_drake (format {found}, here {known}); "
-                "run the station again, or read the result with that version",
+                "another version of simrob_drake has pickled the result (format {found}; this version reads "
+                "format {known}). Run the station again, or read the result with that version",
                 found=found,
                 known=FORMAT,
             )

@@ -119,7 +119,7 @@ class MoveSpan:
         index: index of the move in its program, from 0.
         begin: when the move began, since the start of the program [s].
         end: when the move ended, or was ended by a monitor or the user, since the start of the program [s].
-        is_named: whether messages name the move by its number. They do not if nobody stored moves, and the program only
+        is_named: whether messages name the move by its number. It is False if no moves are stored, and the program only
             plays the station's references.
     """
 
@@ -149,6 +149,8 @@ def _no_attribute(kind: type[Any], name: str) -> str:
     # Fields without a default are no attributes of the class, so that dir() does not list them.
     attributes = {*dir(kind), *(own.name for own in fields(kind))}
     public = {attribute for attribute in attributes if not attribute.startswith("_")}
+    # Names that pandas and other packages use come first: they resemble no attribute, so a search would not
+    # find them.
     close = _USUAL_NAMES.get(name) or nearest_name(name, public)
     if close is None or name.startswith("_"):
         return message("results.no_attribute", "a result has no attribute '{name}'", name=name)
@@ -192,19 +194,19 @@ class RecordedRun:
         did: what the run did, in a few words, such as ``move_l of left``.
         place: name of the run's move in its program, such as ``move 3``; empty outside of programs.
         moves: planned moves of arms, all of which begin at the start of the run.
-        runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.joined`.
+        runs: for a program, the runs that follow each other; see :func:`simrob_drake.results.result.join_runs`.
         begun: for a program, the station in which it began; None for a single run.
         marks: for a program, events at which one of its runs ended or a piece was handed over.
         move_spans: for a program, when each of its moves began and ended, in order. Several moves of joints can be one
             run, so this is the only record of when each of them began. Moves that were not begun are left out.
         program: for a program, the YAML text that repeats it; empty if it cannot be written as YAML.
         commanded: names of walks that the user commanded during the run; their sections contain the commands.
-        wandering: for a program, names of the pieces that change hands.
+        wandering: for a program, names of the handed-over pieces, which hang on different things in its runs.
         trace: recorded states, from which the run can be continued; None for a program, and for other engines.
         in_own_diagram: whether the station was part of a diagram of the user's own.
         is_continued: whether a change of the station cut the motion at the end of the run, so that the next run of the
-            program goes on with it.
-        continues: whether the run goes on with a motion that a change of the station cut.
+            program continues it.
+        continues: whether the run continues a motion that a change of the station cut.
     """
 
     config: StationConfig
@@ -371,11 +373,9 @@ class RecordedRun:
     @cached_property
     def onsets(self) -> list[Event]:
         """Events at which two bodies began to touch; empty if the station has no contact."""
-        return (
-            []
-            if self.contacts_at is None
-            else list(onsets(self.plant, self.step_times, self.contacts_at))
-        )
+        if self.contacts_at is None:
+            return []
+        return list(onsets(self.plant, self.step_times, self.contacts_at))
 
     @property
     def units(self) -> dict[str, str]:
@@ -401,13 +401,14 @@ class RecordedRun:
         """
         found = {}
         for name, section in self.config.controllers.items():
+            # The times are kept in the block's discrete state, so that a continued run keeps them.
             block = self.final_state.blocks.get(f"controller.{name}")
             times = None if block is None else section.cell_times(block.discrete)
             if times is not None:
                 found[name] = times
         return found
 
-    def numbered(self, index: int) -> Self:
+    def with_move_number(self, index: int) -> Self:
         """Copy the run, with its moves named by their number in a program.
 
         Args:
@@ -417,6 +418,7 @@ class RecordedRun:
 
     def at_place(self, place: str) -> Self:
         """Copy the run, with its moves named by their place in a program, such as ``move 3``."""
+        # Warnings about a move contain its name, so the moves get the name as well.
         moves = tuple(replace(move, place=place) for move in self.moves)
         return replace(self, place=place, moves=moves)
 
@@ -452,7 +454,7 @@ class RecordedRun:
                 monitor=self.stopped_by,
                 reason=self.message,
             )
-        # The reason says already that the robot fell. The name of the monitor, mostly "fall", would repeat it.
+        # The reason contains already that the robot fell. The name of the monitor, mostly "fall", would repeat it.
         end = message("results.stopped_by_fall", "stopped because {reason}", reason=self.message)
         cause = last_disturbance(self)
         # A push long before the fall is most likely not its cause.
@@ -513,7 +515,7 @@ class RecordedRun:
         return self.plant.robots[name_or_only(name, list(self.plant.robots))]
 
 
-keep_former_attributes(RecordedRun, pace="speed_in_words")
+keep_former_attributes(RecordedRun, pace="speed_in_words", numbered="with_move_number")
 
 
 def move_title(index: int) -> Message:
@@ -580,6 +582,7 @@ def all_events(result: RecordedRun) -> list[Event]:
     """
     start = Event(result.start_time, "start")
     contacts = []
+    # The last entry is the end of the last run.
     begins = begins_of(*result.parts)[:-1]
     for begin, run in zip(begins.tolist(), result.parts, strict=True):
         # The times of a single run are absolute, and those of a program count from its first run.
@@ -618,11 +621,12 @@ def _events_apart(everything: list[Event], gap: float) -> list[Event]:
     for event in everything:
         is_far_enough = not events or event.time - events[-1].time > gap
         is_end = event.time == end
+        # Texts of contacts have "touches" instead, and those of moves "ends".
         is_hand_over = " to " in event.text
+        # The start of the run is the first event. It stays, even if a piece is handed over right after it.
+        may_replace = len(events) > 1
         if is_far_enough:
             events.append(event)
-        elif is_end or (
-            is_hand_over and len(events) > 1
-        ):  # a hand-over does not replace the start of the run
+        elif is_end or (is_hand_over and may_replace):
             events[-1] = event
     return events

@@ -21,6 +21,7 @@ def servos_of(run: RecordedRun) -> dict[str, dict[str, Any]]:
     for name, robot in run.plant.robots.items():
         servo: dict[str, Any] = {}
         for gain in _NAMES:
+            # Plain numbers, since the gains are written to a JSON file.
             values = getattr(robot.gains, gain).tolist()
             servo[gain] = dict(zip(robot.axes, values, strict=True))
         servo["feedforward"] = run.config.servo_of(name).feedforward

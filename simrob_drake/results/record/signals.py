@@ -107,6 +107,7 @@ class Sampler:
         """
         held = [port for port in ports if port in self._held]
         others = [port for port in ports if port not in self._held]
+        # Other ports are functions of the state at the time itself, interpolated between two steps.
         values = self.evaluate(others, self._at(times))
         if held:
             steps = self._history.steps(times, begins_in_motion=self._begins_in_motion)
@@ -128,6 +129,7 @@ class Sampler:
         others = [port for port in ports if port not in needs_state]
         known: dict[OutputPort, Any] = {}
         if needs_state:
+            # A discrete plant has no continuous state: its state port is evaluated like any other.
             plant = self._plant_slice
             if plant is None:
                 others.append(state_port)
@@ -136,7 +138,8 @@ class Sampler:
                     :, plant.positions.start : plant.velocities.stop
                 ]
 
-        # An output that hands on a discrete group was recorded as well. All others are evaluated by Drake.
+        # An output whose value is a discrete group was recorded as well. All others are evaluated by Drake.
+        # A dict, not a set: the ports stay in order and occur once, also if the state port was added above.
         needed = dict.fromkeys(others)
         for port in needed:
             if port in self._recorded:
@@ -153,6 +156,7 @@ class Sampler:
         """Evaluate ports with Drake, by setting the context to each of the states. Results as of :meth:`evaluate`."""
         if not ports:
             return {}
+        # References of trajectories are set in the diagram, which may have run with other ones since.
         if self._prepare is not None:
             self._prepare()
         count = len(states.times)
@@ -162,6 +166,8 @@ class Sampler:
             is_vector = port.get_data_type() == PortDataType.kVectorValued
             values[port] = np.empty((count, port.size())) if is_vector else [None] * count
             contexts[port] = port.get_system().GetMyContextFromRoot(self._context)
+        # All ports of a row in turn: setting the context is slow, and ports of the same row share what Drake
+        # caches.
         for row in range(count):
             states.put(row, self._context)
             for port in ports:
@@ -235,6 +241,7 @@ class Sampler:
         plant = self._plant
         if plant.IsVelocityEqualToQDot():
             return states[:, part.velocities]
+        # Quaternions change by q_dot = N(q) v, so that Drake needs the positions, one row at a time.
         context = plant.CreateDefaultContext()
         rates = np.empty((len(states), plant.num_positions()))
         for row, state in enumerate(states):
@@ -301,12 +308,15 @@ def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
         known = dict(zip(ports, values_of_ports, strict=True))
         for signal, columns in columns_of_signals:
             if signal.compute is None:
+                # A signal may be some entries of an output, such as the positions among the state.
                 whole = known[signal.output]
                 values[part, columns] = (
                     whole if signal.entries is None else whole[:, signal.entries]
                 )
     # The others need the whole run.
     for signal, columns in columns_of_signals:
+        # A sensor outside of all loops is replayed over all samples, since its noise and its delay depend on the
+        # samples before.
         if signal.compute is not None:
             values[:, columns] = signal.compute(sampler, times)
         elif signal.adjust is not None:
@@ -371,9 +381,8 @@ class Watch:
         # Since when the condition of each monitor is met [s]; NOT_YET if it is not.
         self._onsets = dict.fromkeys(site.outputs.monitors, NOT_YET)
         self._count = 0  # count of records that were evaluated
-        self._before: StateHistory | None = (
-            None  # the last two states of the previous call; None before the first
-        )
+        # The last two states of the previous call. It is None before the first call.
+        self._before: StateHistory | None = None
         self.stop: Stop | None = None
 
     def look(self, steps: StateHistory) -> bool:
@@ -382,6 +391,7 @@ class Watch:
         Args:
             steps: states at the ends of these steps.
         """
+        # All monitors at once, so that a port that several of them watch is evaluated once.
         ports_of_monitors = {name: self._ports(name) for name in self._site.outputs.monitors}
         all_ports = set[OutputPort]().union(*ports_of_monitors.values())
         values = self._values(all_ports, steps)
@@ -390,6 +400,7 @@ class Watch:
                 signals = [values[port][row] for port in ports_of_monitors[name]]
                 onset = trigger.next_onset(self._onsets[name], time, signals)
                 self._onsets[name] = onset
+                # Of monitors that are met at the same step, the one that was declared first ends the run.
                 if trigger.ends_run(onset, time):
                     reason = trigger.condition.why(*signals)
                     self.stop = Stop(name, count=self._count + row + 1, onset=onset, why=reason)
@@ -469,6 +480,8 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
 def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, hold: float) -> None:
     """Shorten the history so that it ends when the condition has been met for the time ``hold`` [s]."""
     recorded = sampler.history
+    # A condition that must be met for a while began long before the end of the run, in a step that need not be
+    # refined: an error of a part of a step is small compared to that while.
     first_met = _crossing(sampler, holds, onset)
     stop = first_met + hold
     if stop < recorded.end:
@@ -478,6 +491,7 @@ def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, ho
 def _cut_at_onset(sampler: Sampler, holds: Holds, step: Step) -> None:
     """Shorten the last step of the history until it is short and the condition is met only at its end."""
     while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
+        # The old end is kept, since it is the only state at which the condition is known to be met.
         end = sampler.history.last()
         between = step(sampler.history, _crossing(sampler, holds, end.end))
         shorter = sampler.history.with_end(between)
@@ -508,6 +522,8 @@ def _crossing(sampler: Sampler, holds: Holds, seen: float) -> float:
         return seen
     low = begin  # the condition is not met
     high = seen  # the condition is met
+    # A quarter of the tolerance leaves room for the clipping at the end, which moves the time by up to half of
+    # it.
     while high - low > TOLERANCE / 4:
         middle = (low + high) / 2
         if holds(sampler, middle):

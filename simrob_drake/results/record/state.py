@@ -1,7 +1,7 @@
 """The state of a station at the end of a run, from which another run can begin.
 
 A state contains the positions and velocities of joints, and the memory of *blocks*: of the systems in the station's
-diagram other than the plant, such as controllers and sensors. Everything goes by name, so that a state fits a station
+diagram other than the plant, such as controllers and sensors. All entries have names, so that a state fits a station
 that was changed in between. A state can be written to a JSON file.
 """
 
@@ -74,6 +74,8 @@ def _check_rotation(name: str, position: Vector) -> None:
     """
     if len(position) != _FREE_BODY:
         return
+    # Drake normalizes quaternions silently. One of another length comes from a file that was edited, or its
+    # numbers have another meaning.
     length = float(np.linalg.norm(position[:4]))  # the quaternion comes first
     if abs(length - 1.0) > _UNIT_TOLERANCE:
         raise InvalidParameter(
@@ -107,12 +109,13 @@ def _json_value(value: Any) -> Any:
         return None
 
 
+# NumPy's arrays have no schema in pydantic: they are validated as lists of numbers.
 _list_as_array = GetPydanticSchema(
     lambda _, handler: no_info_after_validator_function(
         np.array, handler.generate_schema(list[Number])
     )
 )
-"""Lets pydantic check a list of numbers, and make an array of it."""
+"""Annotation with which pydantic checks a list of numbers and makes an array of it."""
 
 _ArrayField = Annotated[Vector, _list_as_array, PlainSerializer(np.ndarray.tolist)]
 """Type of a pydantic field that is an array in Python, and a list of numbers in JSON."""
@@ -185,7 +188,7 @@ class Trace:
 class State:
     """The state of a station: of each joint, each block with a memory, and each robot's reference.
 
-    Everything goes by name, so the state fits a station that was rebuilt and changed: with a piece on another parent,
+    All entries have names, so the state fits a station that was rebuilt and changed: with a piece on another parent,
     other gains, another solver. Joints and blocks that the new station does not have are ignored. Joints and blocks
     that the state does not have begin as at the start of any run. So do monitors, whose times count from the start of
     a run.
@@ -239,6 +242,8 @@ class State:
         plant = ports.plant.plant_block
         blocks = {}
         for system in _blocks_of(diagram, plant):
+            # Most systems, such as gains and sums, have no memory. Entries without content would only make
+            # files longer.
             block = _block_state(system.GetMyContextFromRoot(context))
             if block is not None:
                 blocks[_block_name(system, ports)] = block
@@ -248,6 +253,7 @@ class State:
             plant_context = plant.GetMyContextFromRoot(context)
             q = plant.GetPositions(plant_context)
             v = plant.GetVelocities(plant_context)
+            # A shared plant has joints of other stations, too. Its scope leaves them out.
             for joint in joints_of(ports.plant.plant, ports.plant.scope):
                 joints[joint.name] = JointState(q[joint.positions], v[joint.velocities])
         return cls(
@@ -281,6 +287,7 @@ class State:
 
     def _values(self) -> tuple[Any, ...]:
         """List the values of the state. An entry that is another object later has been changed."""
+        # Time and origins are not compared: they do not change the motion that the trace continues.
         everything: list[dict[str, Any]] = [
             self.positions,
             self.velocities,
@@ -328,7 +335,7 @@ class State:
         Raises:
             InvalidParameter: the attribute is not a mapping, or an entry has another class.
         """
-        a_mapping = message("results.mapping_by_name", "a mapping by name")
+        a_mapping = message("results.mapping_by_name", "a mapping from names to values")
         entries = instance(getattr(self, key), f"start: {key}", Mapping, a_mapping)
         for name, entry in entries.items():
             instance(entry, f"start: {name}", kind, f"a {kind.__name__}")
@@ -357,6 +364,7 @@ class State:
         # The diagram of a kinematic station contains no plant.
         if diagram.HasSubsystemNamed(plant.get_name()):
             plant_context = plant.GetMyMutableContextFromRoot(context)
+            # Joints by name: the plant may have other joints than that of the state, in another order.
             state = self.of_plant(ports.plant)
             plant.SetPositions(plant_context, state.positions)
             plant.SetVelocities(plant_context, state.velocities)
@@ -383,6 +391,7 @@ class State:
         """
         plant = station.plant
         context = plant.CreateDefaultContext()
+        # Joints that the state does not have begin in the initial posture of the station, the plant's default.
         q = plant.GetPositions(context)
         v = plant.GetVelocities(context)
         for robot in station.robots.values():
@@ -425,6 +434,7 @@ class State:
 
         Abstract values that JSON cannot write become null. Their blocks begin with the values that they declare.
         """
+        # Without validation: the values were checked when they were read, or come from Drake.
         content = _StateFile.model_construct(
             positions=self.positions,
             velocities=self.velocities,
@@ -523,7 +533,7 @@ def _bad_start_file(problem: object) -> InvalidConfig:
     """
     text = message(
         "results.start_names_file",
-        "{problem}; `start` names the start.json of a result",
+        "{problem}; the key `start` expects the file start.json of a result",
         problem=problem,
     )
     return InvalidConfig("", "", text)
@@ -542,17 +552,15 @@ def _check_size(name: str, values: Vector | None, size: int) -> None:
     """
     if values is not None and len(values) == size:
         return
-    found = (
-        "unknown"
-        if values is None
-        else message("results.of_size", "of size {size}", size=len(values))
-    )
+    found = message("results.is_missing", "is missing")
+    if values is not None:
+        found = message("results.of_size", "has size {size}", size=len(values))
     raise InvalidParameter(
         "start",
         message(
-            "results.state_in_which", "a state in which '{name}' is {found}", name=name, found=found
+            "results.state_in_which", "a state in which '{name}' {found}", name=name, found=found
         ),
-        message("results.station_of_size", "of a station where it is of {size}", size=size),
+        message("results.station_of_size", "a state in which it has size {size}", size=size),
     )
 
 
@@ -578,6 +586,7 @@ def _values_of_robots(
         except Exception:
             if not tolerant:
                 raise
+            # NaN marks the values as unknown. `check` refuses a run that would begin with them.
             values[robot.name] = np.full(len(robot.axes), np.nan)
     return values
 
@@ -622,9 +631,8 @@ def _put_block(system: System, state: BlockState, root: Context) -> None:
         _check_size(name, values, context.get_discrete_state(group).size())
         context.SetDiscreteState(group, values)
     for index, value in enumerate(state.abstract[: context.num_abstract_states()]):
-        if (
-            value is None
-        ):  # not readable, or not written to JSON: the block's own initial value stays
+        # A value that Python could not read, or JSON could not write: the block's own initial value stays.
+        if value is None:
             continue
         declared = context.get_mutable_abstract_state(index)
         kind = type(declared.get_value())

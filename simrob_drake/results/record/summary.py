@@ -29,6 +29,7 @@ def remarks_of(run: RecordedRun) -> list[str]:
     begins = begins_of(*run.parts)[:-1] + run.start_time
     remarks: list[str] = []
     for begin, part in zip(begins.tolist(), run.parts, strict=True):
+        # Controllers may differ from run to run, so each run is asked for its own.
         remarks += _remarks(part, begin)
     return remarks
 
@@ -55,7 +56,7 @@ def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
             )
             further = len(spans) - _MOST_SPANS
             more = (
-                message("results.and_times_more", " and {count} times more", count=further)
+                message("results.and_times_more", " and {count} more times", count=further)
                 if further > 0
                 else ""
             )
@@ -103,6 +104,7 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
     models = {name: robot.model.name for name, robot in run.plant.robots.items()}
     return {
         "station": run.config.name,
+        # null instead of an empty mapping: a station of pieces has no robot.
         "robot": _without_only_robot(run, models) or None,
         "duration": run.config.duration,
         "ending": run.ending,
@@ -203,6 +205,7 @@ def _peak_forces(run: RecordedRun) -> dict[str, float]:
     recorded = set(run.names)
     peaks = {}
     for signal in run.signals:
+        # A program has only the columns that all of its runs have, but the declarations of all of them.
         if signal.role == "force" and recorded.issuperset(signal.names):
             # Components of the vector, shape (3, m); the norm is its magnitude at each sample.
             components = [run[name] for name in signal.names]
@@ -236,6 +239,7 @@ def _final_pose(run: RecordedRun, signal: str) -> Any:
     recorded = set(run.names)
     poses = {}
     for name, robot in run.plant.robots.items():
+        # A robot without a tool has no signal `tcp`.
         if f"{robot.prefix}{signal}.x" in recorded:
             poses[name] = pose_vector(run.pose(signal, name)[-1])
     return _without_only_robot(run, poses)

@@ -17,6 +17,7 @@ def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
     if run.config.engine.moves_by_forces:
         shares = robot.gains.torque_shares(torque, run.axes("v", robot.name))
     else:
+        # The torques of a kinematic station are those that its prescribed motion would need.
         shares = np.abs(torque) / robot.gains.judged_limit
     shares[:, list(robot.model.fingers)] = 0.0  # indices of their axes
     return shares

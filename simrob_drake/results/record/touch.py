@@ -29,7 +29,7 @@ from simrob_drake.robots.feet import FootContact
 from simrob_drake.stations.config import StationConfig
 
 FASTEST = 50.0
-"""Largest rate of the looks [Hz]. A look takes some 50 µs, half as long as simulating a robot that stands."""
+"""Largest rate of the looks [Hz]. A look takes some 50 µs."""
 
 _MOST_STEPS = 4000
 """Largest count of steps of a run at which contact results are evaluated."""
@@ -81,21 +81,21 @@ def onsets(
         pairs = {_bodies_of(station, shapes) for shapes in pressing_pairs(results)}
         # Sets have no order. Sorting makes the events of two equal runs equal.
         for pair in sorted(pairs - pairs_before, key=sorted):
+            # A pair that never touched before has been apart for ever.
             time_apart = time - last_contact.get(pair, -np.inf)
             if time > start and time_apart > _TIME_APART:
-                yield Event(time, _touch_in_words(sorted(pair - {_WORLD})))
+                yield Event(time, _touch_in_words(pair))
+        # The time is kept while a contact lasts, so that it is the end of the contact once the bodies part.
         last_contact.update(dict.fromkeys(pairs, time))
         pairs_before = pairs
 
 
-def _touch_in_words(bodies: Sequence[str]) -> Message:
-    """Sentence about a contact: one body touches another one, or a single body touches the ground.
-
-    Args:
-        bodies: names of the bodies in contact, without the world.
-    """
-    if len(bodies) == 1:
-        return message("results.body_touches", "{body} touches", body=bodies[0])
+def _touch_in_words(pair: BodyPair) -> Message:
+    """Write a sentence about a contact: a body touches the ground, or two bodies touch each other."""
+    bodies = sorted(pair - {_WORLD})
+    if _WORLD in pair:
+        return message("results.body_touches", "{body} touches the ground", body=bodies[0])
+    # If both bodies have the same name, as links of two equal robots, the first name is also the last one.
     return message(
         "results.body_touches_other", "{body} touches {other}", body=bodies[0], other=bodies[-1]
     )
@@ -221,6 +221,7 @@ def evaluate_touch(
         context_of: makes a context of the diagram that contains the plant; None if there is no diagram. Overlaps are
             then left out.
     """
+    # A whole count of samples, so that each look is at a sample: positions are exact there.
     samples_per_look = int(np.ceil(config.sample_rate / FASTEST))
     times = samples[::samples_per_look]
     rate = config.sample_rate / samples_per_look
@@ -252,6 +253,7 @@ def _deepest_overlaps(
     if station.replaced_pairs:
         # Boxes that touch by contact points at their corners are measured as whole boxes.
         root = station.with_whole_shapes(root)
+    # By shapes first: naming their bodies is slow, and a few pairs of shapes occur at thousands of looks.
     of_shapes: dict[ShapePair, DeepestOverlap] = {}
     for time, row in zip(times.tolist(), positions, strict=True):
         station.set_positions(root, row)
@@ -363,6 +365,7 @@ def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide
     is_below = is_below.reshape(points.shape[:2])
     is_touching = is_below[:-1] & is_below[1:]
 
+    # Only x and y in the floor's axes: motion along the normal is sinking in, not sliding.
     distances = np.linalg.norm(displacements[..., :2], axis=2) * is_touching
     # at least 1: without contact the mean is 0, not NaN
     touching_count = np.maximum(is_touching.sum(axis=1), 1)

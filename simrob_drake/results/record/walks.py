@@ -104,7 +104,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     )
     station_robot = result.plant.robots[name]
     base = result.pose("base", name)
-    # without jumps, so that whole turns count
+    # Headings are without jumps by whole turns, so that a robot that turns twice has turned by 4 pi.
     headings_of_base = headings(result.plant, station_robot, base)
 
     # The horizontal displacement, and unit vectors ahead and to the left.
@@ -120,6 +120,8 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
     work = mechanical_work(result, name)
     return Locomotion(
         distance=distance,
+        # Projections on the axes of the start: a robot that walks a curve drifts, although it never steps
+        # aside.
         ahead=float(displacement @ ahead),
         drift=float(displacement @ left),
         speed=distance / duration if duration > 0 else 0.0,  # a run may end at its start
@@ -151,6 +153,7 @@ def _peak_torque(result: RecordedRun, robot: StationRobot, shares: Vector) -> Pe
     return PeakTorque(
         axis=robot.axes[axis],
         torque=float(np.abs(torques)[sample, axis]),
+        # The limit at rest, and not the smaller one at the speed of this sample.
         limit=float(robot.gains.torque_limit[axis]),
         ratio=float(shares[sample, axis]),
     )
@@ -171,6 +174,7 @@ def _cost_of_transport(
     if not is_far_enough:
         return None
     plant = result.plant.plant
+    # The mass of the robot's own links: pieces that it carries belong to other model instances.
     mass = plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance])
     weight = float(mass * abs(result.config.gravity))  # [N]
     return work / (weight * distance)
@@ -206,10 +210,12 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
     forward = np.array([1.0, 0.0, 0.0])
     if left and right:
         # In the axes of the base: forward = left x up, with the vertical as it is at the first sample.
+        # A robot with four feet has two on each side; the line joins the middles of both sides.
         to_left = np.mean(left, axis=0) - np.mean(right, axis=0)
         up = rotations[0].T @ [0.0, 0.0, 1.0]
         forward = np.cross(to_left, up)
     directions = np.array(rotations) @ forward  # in the world, shape (m, 3)
+    # The projection on the ground, seen from above: the height of the direction has no effect on the angle.
     angles = np.arctan2(directions[:, 1], directions[:, 0])
     return np.asarray(np.unwrap(angles))
 
@@ -224,6 +230,7 @@ def _tools_at_zero(station: StationPlant, robot: StationRobot, side: str) -> lis
     """
     context = station.plant.CreateDefaultContext()
     robot.axis_map.set_positions(station.plant, context, np.zeros(len(robot.axes)))
+    # Poses relative to the root link do not depend on where the base floats.
     frames = [frame for name, frame in robot.tools.items() if side in name]
     return [frame.CalcPose(context, robot.root).translation() for frame in frames]
 

@@ -45,36 +45,57 @@ a vector and the mean is at least this."""
 
 
 class SampleRange(NamedTuple):
-    """A part of a run, by indices of samples."""
+    """A part of a run, by indices of samples.
+
+    Attributes:
+        first: index of the first sample.
+        last: index of the last sample, which belongs to the range.
+    """
 
     first: int
-    last: int  # belongs to the range
+    last: int
 
 
 class ContactWindow(NamedTuple):
-    """A short part of a run with enough contact samples of a piece."""
+    """A short part of a run with enough contact samples of a piece.
 
-    first: int  # index of the first sample
-    last: int  # index of the last sample
+    Attributes:
+        first: index of the first sample of the run.
+        last: index of its last sample.
+        contacts: the contact samples between the two.
+    """
+
+    first: int
+    last: int
     contacts: list[ContactSample]
 
 
 class SteadyContact(NamedTuple):
-    """A contact between a piece and one other body that does not change during a window."""
+    """A contact between a piece and one other body that does not change during a window.
 
-    partner: str  # name of the other body
-    normal: (
-        Vector  # unit vector from the other body into the piece, in the world's axes, shape (3,)
-    )
-    friction: float  # static friction coefficient
+    Attributes:
+        partner: name of the other body.
+        normal: unit vector from the other body into the piece, in the world's axes, shape (3,).
+        friction: static friction coefficient.
+    """
+
+    partner: str
+    normal: Vector
+    friction: float
 
 
 class Observation(NamedTuple):
-    """A measured value in a part of a run."""
+    """A measured value in a part of a run.
 
-    subject: str  # what the value belongs to: a piece, or a pair of bodies
+    Attributes:
+        subject: name of the piece, or of the pair of bodies, that the value belongs to.
+        value: the value.
+        time: start of the part [s].
+    """
+
+    subject: str
     value: float
-    time: float  # start of the part [s]
+    time: float
 
 
 def measure_resting_force(run: RecordedRun) -> Measured | None:
@@ -98,6 +119,7 @@ def measure_resting_force(run: RecordedRun) -> Measured | None:
             direction = _judged_direction(run, contacts)
             if direction is None:
                 continue
+            # Means over the whole rest: forces of single steps tremble about the balance.
             contact_force = np.mean([contact.force for contact in contacts], axis=0)
             applied_force = _applied_force(run, piece)[rest.first : rest.last + 1].mean(axis=0)
             unbalanced = contact_force + applied_force - np.array([0.0, 0.0, weight])
@@ -143,10 +165,13 @@ def measure_friction_share(run: RecordedRun) -> Measured | None:
         least_normal_force = LEAST_LOAD * _weight(run, piece)
         for window in _windows(run, piece):
             contact = _steady_contact(window.contacts)
+            # Without friction there is no share: any force along the surface would be infinitely too large.
             if contact is None or contact.friction == 0.0:
                 continue
             force = _mean_contact_force(run, piece, window)
             normal_force = float(force @ contact.normal)
+            # A small normal force is a difference of large numbers, and dividing by it would show their errors
+            # only.
             if normal_force < least_normal_force:
                 continue
             friction_force = float(np.linalg.norm(force - normal_force * contact.normal))
@@ -228,6 +253,8 @@ def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
         contacts: the contact samples of the window, at least one.
     """
     partners = contacts[0].partners
+    # With a second body, the momentum would give the sum of both forces, which cannot be divided between the
+    # two.
     is_same_body = all(contact.partners == partners for contact in contacts)
     if len(partners) != 1 or not is_same_body:
         return None
@@ -269,6 +296,7 @@ def _velocity_of_centre(run: RecordedRun, piece: str) -> Vector:
     velocity = motion[:, :3]
     angular_velocity = motion[:, 3:]
     centre = run.plant.free_pieces[piece].default_com()  # in the axes of the piece
+    # Origin and centre are the same point: no pose has to be converted.
     if not centre.any():
         return velocity
     arms = [

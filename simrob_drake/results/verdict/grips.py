@@ -51,6 +51,8 @@ def measure_lost_piece(run: RecordedRun) -> Measured | None:
             if hold is None:
                 continue
             is_lost = hold.lost_at is not None and not _opens_after(run, robot, hold.sample)
+            # A piece that is held to the end has the error 0, at the last sample at which its contacts were
+            # evaluated.
             lost_at = hold.sample if hold.lost_at is None else hold.lost_at
             pieces.append(piece)
             distances.append(_distance_in_hand(run, robot, piece, hold.sample) if is_lost else 0.0)
@@ -67,8 +69,10 @@ def _last_hold(contacts: Sequence[ContactSample], robot: StationRobot) -> _Hold 
         contacts: contacts of the piece, in the order of time.
         robot: the robot.
     """
+    # Any two links of the robot: a finger and the palm hold a piece as well as two fingers do.
     links = {f"{robot.prefix}{link}" for link in robot.model.links}
     lost_at: int | None = None
+    # From the end, since only the last hold counts: a piece that is put down and grasped again is not lost.
     for contact in reversed(contacts):
         if len(links & contact.partners) >= _HOLDING_LINKS:
             return _Hold(contact.sample, lost_at)
@@ -80,6 +84,8 @@ def _opens_after(run: RecordedRun, robot: StationRobot, sample: int) -> bool:
     """Whether the reference of a finger opens after a sample, so that a piece is released on purpose."""
     references = run.axes("q_ref", robot.name)[sample:]
     for axis, (closed, opened) in robot.model.fingers.items():
+        # The reference counts, not the position: a large piece keeps the fingers open, whatever is asked of
+        # them.
         openness = (references[:, axis] - closed) / (opened - closed)  # 0 closed, 1 open
         if openness.max() - openness[0] > _OPENED:
             return True
@@ -98,6 +104,7 @@ def _distance_in_hand(run: RecordedRun, robot: StationRobot, piece: str, sample:
     plant = run.plant.plant
     context = plant.CreateDefaultContext()
     first_finger = next(iter(robot.model.fingers))
+    # The link that carries the fingers, since the fingers themselves move when the piece slips.
     palm = robot.joints[first_finger].parent_body().body_frame()
     piece_frame = run.plant.free_pieces[piece].body_frame()
     places = []

@@ -52,36 +52,45 @@ from simrob_drake.results.verdict.verdict import (
 )
 from simrob_drake.robots.motors import rated_torques
 
-_COUPLING_SAMPLES = 40  # count of times at which the gaps of couplings are measured
-_PRESSES = "a finger, which presses on what it holds as hard as it may"
+_COUPLING_SAMPLES = 40
+"""Count of times at which the gaps of couplings are measured. The plant is set to each, which is slow."""
+
+_PRESSES = "a finger, which grips with its full torque"
 _IDLE = "no motor drives it"
-_REGULAR_ENDINGS = (
-    "completed",
-    "monitor",
-)  # endings of a run after which axes should be at their reference
+"""Reasons in ``summary.json`` why an axis is not judged."""
+
+_REGULAR_ENDINGS = ("completed", "monitor")
+"""Endings of a run after which axes should be at their reference."""
 
 
 class AxisValues(NamedTuple):
-    """Values that were measured for the n axes of one robot."""
+    """Values that were measured for the n axes of one robot.
 
-    values: Vector  # the worst value of each axis, shape (n,)
-    times: Vector | None = (
-        None  # when it occurred, shape (n,) [s]; None if it belongs to the whole run
-    )
-    limits: Vector | None = (
-        None  # what the values are shares of, shape (n,); None if they are no shares
-    )
-    limit_units: tuple[str, ...] = ()  # units of the limits
-    left_out: Mapping[int, str] = (
-        NOTHING_LEFT_OUT  # by index, the reason why an axis is not judged; its value is 0
-    )
+    Attributes:
+        values: the worst value of each axis, shape (n,).
+        times: when each value occurred, shape (n,) [s]. None if the values belong to the whole run.
+        limits: what the values are shares of, shape (n,). None if they are no shares.
+        limit_units: units of the limits. Empty if the values are no shares.
+        left_out: by index, the reason why an axis is not judged. The value of such an axis is 0.
+    """
+
+    values: Vector
+    times: Vector | None = None
+    limits: Vector | None = None
+    limit_units: tuple[str, ...] = ()
+    left_out: Mapping[int, str] = NOTHING_LEFT_OUT
 
 
 class LargestValues(NamedTuple):
-    """Largest values of k signals."""
+    """Largest values of k signals.
 
-    values: Vector  # shape (k,), in the unit of the signal
-    times: Vector  # when each occurred first, shape (k,) [s]
+    Attributes:
+        values: the values, shape (k,), in the unit of the signal.
+        times: when each occurred first, shape (k,) [s].
+    """
+
+    values: Vector
+    times: Vector
 
 
 MeasureOfRun = Callable[[RecordedRun], Measured | None]
@@ -141,6 +150,7 @@ def largest(values: Vector, times: Vector) -> LargestValues:
         values: k signals at m samples, shape (m, k).
         times: times of the samples, shape (m,) [s].
     """
+    # fmax ignores NaN, which a block that failed leaves behind; max would return it.
     found = np.fmax.reduce(values, axis=0)
     first_rows = (values == found).argmax(axis=0)
     return LargestValues(found, times[first_rows])
@@ -169,6 +179,7 @@ def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
     left_out = _fingers(robot)
     left_out |= dict.fromkeys(np.flatnonzero(robot.gains.passive).tolist(), _IDLE)
     has_torque = run.axes("tau", robot.name).any(axis=0)
+    # A servo without gains may still be driven by feedforward, such as a torque that a controller computes.
     idle = (robot.gains.kp == 0) & ~has_torque
     if not idle.all():  # in a robot without any motor, all axes are judged
         left_out |= dict.fromkeys(np.flatnonzero(idle).tolist(), _IDLE)
@@ -202,6 +213,7 @@ def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     Returns None for a run that a fall ended, or that the next run of its program continues: the motion is not at its
     end there.
     """
+    # The user may interrupt a run anywhere, and a robot that fell lies anywhere: such an error shows nothing.
     if run.ending not in _REGULAR_ENDINGS or robot_that_fell(run) is not None or run.is_continued:
         return None
     ends = np.full(len(robot.axes), run.stop_time)
@@ -218,7 +230,7 @@ def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
 def _largest_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     """Measure the largest distance of each axis from its reference [rad or m].
 
-    Returns None if a controller leaves the reference on the way to a posture of its own.
+    Returns None if a controller has a target posture of its own, to which it leaves the reference.
     """
     errors = _errors(run, robot)
     if errors is None or _errors_at_end(run, robot) is not None:
@@ -308,10 +320,12 @@ def _tcp_speed(run: RecordedRun) -> Measured | None:
     speeds = []
     for robot in robots:
         position = np.column_stack([run[f"{robot.prefix}tcp.{axis}"] for axis in "xyz"])
+        # No signal has this speed: it is the derivative of the recorded position, by central differences.
         velocity = np.gradient(position, run.times, axis=0)
         speeds.append(np.linalg.norm(velocity, axis=1))
     rated = np.array([robot.model.tcp_speed for robot in robots])
     worst = largest(np.column_stack(speeds) / rated, run.times)
+    # `robot_of` in the module of remedies reads these names.
     names = [f"tool of {robot.name}" for robot in robots]
     return Measured(
         names, worst.values, worst.times, limits=rated, limit_units=["m/s"] * len(robots)
@@ -338,6 +352,7 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     rated = rated_torques(robot.motors)  # infinite if it is not known: such a motor stays cold
     if not np.isfinite(rated).any():
         return None
+    # The loss in the winding is proportional to the square of the current, and so to that of the torque.
     load = (run.axes("tau", robot.name) / rated) ** 2
     steps = np.diff(run.times, prepend=run.times[0])
     # An axis without a motor has any time constant: its load is 0.
@@ -355,37 +370,38 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
 
 MOTION = (
     Criterion(
-        "final_error", "rad", "final error", "{of} ended {value} off what was asked{during}",
+        "final_error", "rad", "final error", "{of} ended {value} from its target position{during}",
         _final_error, remedy=sag_or_saturation,
     ),
     Criterion(
-        "largest_error", "rad", "largest error", "{of} was {value} off what was asked{when}",
+        "largest_error", "rad", "largest error", "{of} was {value} from its reference{when}",
         _largest_error, remedy=lag,
     ),
-    Criterion("beyond_stop", "rad", "beyond a stop", "{of} was pressed {value} beyond its range{when}", _beyond_stop),
+    Criterion("beyond_stop", "rad", "beyond a stop", "{of} was {value} beyond its range{when}", _beyond_stop),
     Criterion(
-        "torque_share", "1", "torque", "{of} needed {value} of its torque, {amount},{when}",
+        "torque_share", "1", "torque", "{of} needed {value} of its torque limit, {amount},{when}",
         _torque_share, remedy=more_time_for_motors,
     ),
     Criterion(
-        "torque_time", "1", "time at torque limit", "{of} was at its limit of torque for {value} of the run",
+        "torque_time", "1", "time at torque limit", "{of} was at its torque limit for {value} of the run",
         _torque_time, per_time=True, remedy=more_time_for_motors,
     ),
     Criterion(
-        "speed_share", "1", "speed", "{of} moved at {value} of its speed, {amount},{when}",
+        "speed_share", "1", "speed", "{of} moved at {value} of its speed limit, {amount},{when}",
         _speed_share, remedy=more_time_for_speed,
     ),
     Criterion(
-        "speed_time", "1", "time over speed limit", "{of} was beyond its limit of speed for {value} of the run",
+        "speed_time", "1", "time over speed limit", "{of} exceeded its speed limit for {value} of the run",
         _speed_time, per_time=True,
     ),
     Criterion(
         "rated_time", "1", "time over rated torque",
-        "{of} was beyond the rated torque of its motor for {value} of the run",
+        "{of} exceeded the rated torque of its motor for {value} of the run",
         _rated_time, per_time=True, remedy=rest_for_motor,
     ),
     Criterion(
-        "heat", "1", "motor heat", "the motor of {of} got {value} as warm as its rated torque makes it{when}",
+        "heat", "1", "motor heat",
+        "the motor of {of} reached {value} of the temperature rise at its rated torque{when}",
         _heat, remedy=rest_for_motor,
     ),
 )  # fmt: skip
@@ -416,6 +432,7 @@ def _below_floor(run: RecordedRun) -> Measured | None:
         position = np.column_stack([run[f"{signal}.{axis}"] for axis in "xyz"])
         height = position[:, 2]
         is_level = ground.is_level_plane  # the ground is the plane z = 0
+        # On the usual floor the depth is the negative height: no terrain has to be searched for each sample.
         depths.append(-height if is_level else ground.beneath(position) - height)
     worst = largest(np.column_stack(depths), run.times)
     return Measured(list(signals), worst.values, worst.times)
@@ -432,6 +449,7 @@ def _distance(run: RecordedRun) -> Measured | None:
     if not signals:
         return None
     distances = np.column_stack([run[signal.names[0]] for signal in signals])
+    # The smallest distance is the largest negative one.
     nearest = largest(-distances, run.times)
     return Measured([signal.part for signal in signals], -nearest.values, nearest.times)
 
@@ -481,6 +499,7 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
     plant = run.plant.plant
     context = plant.CreateDefaultContext()
     rows = np.linspace(0, len(run.times) - 1, _COUPLING_SAMPLES).astype(int)
+    # A short run has fewer samples than times; each is measured once.
     times = run.times[np.unique(rows)]
     gaps = np.zeros((len(times), len(couplings)))
     for row, positions in enumerate(run.positions_at(times)):
@@ -493,7 +512,7 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
 CRITERIA = (
     *MOTION,
     Criterion(
-        "tcp_speed", "1", "tool speed", "{of} was at {value} of its rated speed, {amount},{when}",
+        "tcp_speed", "1", "tool speed", "{of} moved at {value} of its rated speed, {amount},{when}",
         _tcp_speed, remedy=more_time_for_speed,
     ),
     Criterion(
@@ -505,29 +524,29 @@ CRITERIA = (
     ),
     Criterion("distance", "m", "nearest distance", "{of} measured a distance of {value}{when}", _distance, least=True),
     Criterion(
-        "penetration", "m", "penetration", "{of} were {value} deep in each other{when}",
+        "penetration", "m", "penetration", "{of} penetrated each other by {value}{when}",
         _penetration, remedy=stiffer_contact,
     ),
     Criterion(
         "resting_force", "1", "contact force at rest",
-        "the contact forces on {of}, which rests, are {value} off its weight{when}", measure_resting_force,
+        "the contact forces on {of} at rest differ from its weight by {value}{when}", measure_resting_force,
     ),
     Criterion(
         "friction_share", "1", "friction",
-        "the friction between {of} is {value} of what their surfaces can give{when}", measure_friction_share,
+        "the friction between {of} is {value} of the largest that their surfaces allow{when}", measure_friction_share,
     ),
     Criterion(
         "lost_piece", "m", "lost piece",
-        "{of} slipped out of the fingers{when}: it is {value} from where they held it",
+        "{of} slipped out of the fingers{when} and ended {value} from where they held it",
         measure_lost_piece, remedy=firmer_grip,
     ),
-    Criterion("coupling_gap", "m", "open coupling", "{of} was {value} (or mrad) open{when}", _coupling_gap),
+    Criterion("coupling_gap", "m", "open coupling", "coupling {of} opened by {value} (or mrad){when}", _coupling_gap),
     Criterion(
-        "foot_slip", "m", "foot slip", "{of} slid {value} before it was lifted again{when}",
+        "foot_slip", "m", "foot slip", "{of} slid {value} over the ground during one stance{when}",
         _foot_slip, remedy=more_grip,
     ),
     Criterion(
-        "shortened_steps", "1", "solver retries", "{of} tried steps again, shorter: {amount}",
+        "shortened_steps", "1", "solver retries", "{of} repeated {amount} with a shorter length",
         _shortened_steps, remedy=other_solver, shows_share=True,
     ),
 )  # fmt: skip
@@ -562,9 +581,8 @@ def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | N
     """
     try:
         return criterion.of(run)
-    except (
-        Exception
-    ) as problem:  # a function of somebody else must not cost the result of a long run
+    except Exception as problem:
+        # The function is of another package. Its error must not cost the user the result of a long run.
         reason = shortened(f"{type(problem).__name__}: {problem}", 200)
         warnings.warn(
             f"the run is not judged by {criterion.name}: {reason}", ExtensionWarning, stacklevel=2

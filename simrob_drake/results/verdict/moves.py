@@ -22,9 +22,9 @@ from simrob_drake.results.verdict.words import in_words
 if TYPE_CHECKING:
     from simrob_drake.results.record.run import Approach, AskedMove, RecordedRun
 
-_DISTANCE_SAMPLES = (
-    41  # count of times during a move at which distances are computed, since this is slow
-)
+_DISTANCE_SAMPLES = 41
+"""Count of times during a move at which distances are computed. It is small, since this is slow."""
+
 _HEADINGS = (
     message("results.heading_move", "move"),
     message("results.heading_end", "end\n[s]"),
@@ -37,7 +37,8 @@ _HEADINGS = (
 )
 """Headings of the table of moves. ``nearest`` and ``itself`` are distances to other bodies and to the robot's own."""
 
-_ROUNDING = 1e-6  # times that differ by at most this are equal [s]
+_ROUNDING = 1e-6
+"""Times that differ by at most this are equal [s]."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,8 @@ class MoveVerdict:
             at the start, or whose distance the move does not change, do not count, nor does a finger with the piece
             that it holds. It is negative if the bodies overlap, and None if no distance counts.
         nearest: names of these two bodies.
-        own_distance: smallest distance between two bodies of the robot, with what it carries [m], likewise.
+        own_distance: smallest distance between two bodies of the robot, with what it carries [m]. The exceptions are
+            those of ``distance``.
         own_nearest: names of these two bodies.
         misses_target: whether the move was completed, and ended too far from its target.
         remarks: a remark for each value that violates its bound.
@@ -124,6 +126,8 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
         end_posture = np.where(passive, postures[-1], end_posture)
     tool_poses = asked.tool(postures)  # (m, 4, 4)
     planned_poses = asked.tool(planned_postures)
+    # The pose of the planned posture, so that the errors of the servos are measured and not those of the
+    # inverse kinematics, which planning has checked.
     target = asked.tool(end_posture[np.newaxis])[0]
     positions = tool_poses[:, :3, 3]
     planned_positions = planned_poses[:, :3, 3]
@@ -159,8 +163,11 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
         end=min(asked.duration, run.stop_time),
         reached=is_near_target and not is_stopped,
         position_error=position_error,
+        # Rounding may bring the cosine of equal orientations beyond 1.
         orientation_error=float(np.arccos(np.clip(cosine, -1.0, 1.0))),
+        # Compared at the same times: a tool that is late on the right path has an error, too.
         following_error=float(np.linalg.norm(positions - planned_positions, axis=1).max()),
+        # Samples are evenly spaced, so the share of the samples is the share of the time.
         torque_time=float(is_at_limit.mean(axis=0).max() * times[-1]),
         speed=float(speeds.max()),
         asked_speed=asked.speed,
@@ -171,6 +178,7 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     )
     return replace(
         verdict,
+        # A move that was stopped did not reach its target either, but the servos are not to blame for that.
         misses_target=not is_near_target and not is_stopped,
         remarks=tuple(_remarks(run, verdict, is_stopped=is_stopped)),
     )
@@ -190,7 +198,7 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
     if bounds.move_end != "none" and verdict.position_error > bounds.move_end and not is_stopped:
         text = message(
             "results.move_misses_target",
-            "{move} ends {distance} beside its target (bound {bound})",
+            "{move} ends {distance} from its target (bound {bound})",
             move=name,
             distance=in_words(verdict.position_error, "m"),
             bound=in_words(bounds.move_end, "m"),
@@ -199,13 +207,14 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
     if bounds.move_following != "none" and verdict.following_error > bounds.move_following:
         text = message(
             "results.move_leaves_path",
-            "{move} was {distance} off its path (bound {bound})",
+            "{move} deviates by {distance} from its path (bound {bound})",
             move=name,
             distance=in_words(verdict.following_error, "m"),
             bound=in_words(bounds.move_following, "m"),
         )
         yield Remark(VIOLATION, text, _remedy(run, verdict))
     if bounds.move_speed != "none" and verdict.asked_speed is not None and not is_stopped:
+        # A short move may never reach its speed; the bound is a share, so that users can allow for that.
         share = verdict.speed / verdict.asked_speed
         if share < bounds.move_speed:
             text = message(
@@ -224,12 +233,13 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
     ):
         text = message(
             "results.move_too_near",
-            "{move} comes within {distance}, {bodies} (bound {bound})",
+            "the smallest distance of {move} is {distance}, {bodies} (bound {bound})",
             move=name,
             distance=in_words(verdict.distance, "m"),
             bodies=verdict.nearest,
             bound=in_words(bounds.move_distance, "m"),
         )
+        # No remedy: where else the path may lead is for the user, or for a search, to decide.
         yield Remark(VIOLATION, text)
 
 
@@ -275,7 +285,7 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
 
 
 def nearest_bodies(moves: Sequence[MoveVerdict]) -> str:
-    """Say in which move the robot came nearest to another body, and to which. Empty if no distance was measured."""
+    """Write the smallest distance of all moves, with the two bodies and the move. Empty if no distance was measured."""
     measured = [move for move in moves if move.distance is not None]
     if not measured:
         return ""
@@ -295,8 +305,9 @@ def meaning_of_distances(moves: Sequence[MoveVerdict]) -> str:
         return ""
     return message(
         "results.meaning_of_distances",
-        "nearest and itself: smallest distance to another body, and between two bodies of the robot; empty if the move "
-        "changes none. Fingers and what they hold do not count",
+        "nearest: smallest distance to another body. itself: smallest distance between two bodies of the robot."
+        " Cells are empty if the move changes no such distance. Fingers and the piece that they hold are left "
+        "out",
     )
 
 

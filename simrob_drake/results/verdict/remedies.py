@@ -64,8 +64,10 @@ def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
         return None
+    # A motor at its limit leaves an error whatever the gains are, so saturation is checked before the servo.
     if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
         return more_time_for_motors(run, entry)
+    # An error that lasts while the reference moves is a lag, which gravity feedforward would not remove.
     if _moves_at_end(run, robot):
         return lag(run, entry)
     if not _takes_feedforward(run, robot):
@@ -98,18 +100,19 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
+    # A motor that is at its limit when the motion is over is not helped by more time.
     saturated = _saturated_at_end(run, robot)
     if saturated.any() and _presses_on_something(run, robot, saturated):
         text = message(
             "results.remedy_pressing",
-            "at the end the motor presses on something, and does not carry a load: remove what is in the way, or move "
-            "the target",
+            "at the end the motor presses against an obstacle instead of carrying a load: remove the obstacle, "
+            "or move the target",
         )
         return Remedy(text)
     if saturated.any():
         text = message(
             "results.remedy_weak_motor",
-            "the motor is too weak to hold this: carry less, or raise its limit",
+            "the motor is too weak to hold this posture: reduce the load, or raise its torque limit",
         )
         return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
     jump = _start_at_reference(run, robot, entry.subject)
@@ -125,11 +128,13 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     if robot is None:
         return None
     if robot.model.base == "floating":
+        # The reference of a robot on legs comes from its walk: it has no duration that could be longer.
         return _slower_legs(run, robot, entry.subject)
     jump = _start_at_reference(run, robot, entry.subject)
     if jump is not None:
         return jump
     text = message("results.remedy_more_time", "give the motion more time")
+    # Speeds are inversely proportional to the duration: a share of 1.3 of the limit needs 1.3 times the time.
     return _with_longer_reference(run, robot, text, _MARGIN * entry.value)
 
 
@@ -167,9 +172,11 @@ def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
     return Remedy(_SLOWER_MOTION)
 
 
+# Some robots on legs do not walk: a reference or a loop of the user moves their joints.
 _SLOWER_MOTION = message(
     "results.remedy_slower_motion",
-    "let the reference or the loop move this joint less far or more slowly, or choose a faster motor",
+    "change the reference or the loop so that this joint moves less far or more slowly, or choose a faster "
+    "motor",
 )
 
 
@@ -196,7 +203,7 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
     axis = next(
         (index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None
     )
-    # A run that goes on with a motion begins where the robot is, which lags behind its reference.
+    # A run that continues a motion begins where the robot is, which lags behind its reference.
     if axis is None or run.continues:
         return None
     positions = run.axes("q", robot.name)
@@ -215,7 +222,8 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
     # A run that begins in a state, and a robot on its feet, do not begin in another posture by this key alone.
     if run.start is not None or run.did or robot.model.base == "floating":
         return Remedy(text)
-    start = [_rounded(value) for value in references[0] / robot.model.user_units]
+    # The key takes degrees and metres.
+    start = [_round_position(value) for value in references[0] / robot.model.user_units]
     return Remedy(text, key=f"{_robot_key(run, robot)}.initial_deg", value=start)
 
 
@@ -226,7 +234,7 @@ def less_load(run: RecordedRun, entry: WorstValue) -> Remedy | None:
         return None
     text = message(
         "results.remedy_less_load",
-        "carry less than {pieces}, or take a robot with a larger payload",
+        "reduce the load ({pieces}), or choose a robot with a larger payload",
         pieces=robot.load_in_words,
     )
     return Remedy(text)
@@ -235,6 +243,8 @@ def less_load(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of a body that sank into the floor: contact, if the station has none."""
     del entry  # the remedy is the same for all bodies
+    # With contact, a body below the floor is a matter of the contact's stiffness, which another criterion
+    # judges.
     if run.config.contact is not None:
         return None
     if not run.config.engine.moves_by_forces:
@@ -268,6 +278,7 @@ def stiffer_contact(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of two bodies that are too deep in each other: a stiffer contact."""
     del entry  # the remedy is the same for all bodies
     contact = run.config.contact
+    # Without the key, the stiffness is that of each shape's file or of Drake: there is no number to multiply.
     if contact is None or contact.stiffness is None:
         return None
     text = message("results.remedy_stiffer_contact", "make the contact stiffer")
@@ -309,7 +320,7 @@ def rest_for_motor(run: RecordedRun, entry: WorstValue) -> Remedy:
     """Remedy of a motor that becomes too hot."""
     del run, entry  # the remedy is the same for all motors
     return Remedy(
-        message("results.remedy_cooler_motor", "let the motor rest between moves, or carry less")
+        message("results.remedy_cooler_motor", "add pauses between the moves, or reduce the load")
     )
 
 
@@ -326,6 +337,7 @@ def robot_of(run: RecordedRun, subject: str) -> StationRobot | None:
     if len(run.plant.robots) == 1:
         return next(iter(run.plant.robots.values()))
     for name, robot in run.plant.robots.items():
+        # In a station of several robots, the names of axes begin with that of their robot.
         if subject in (name, f"tool of {name}") or subject.startswith(robot.prefix):
             return robot
     return None
@@ -396,8 +408,9 @@ def _robot_key(run: RecordedRun, robot: StationRobot) -> str:
     return "robot" if run.config.only_robot else f"robots.{robot.name}"
 
 
-def _rounded(value: float) -> float:
+def _round_position(value: float) -> float:
     """Round a position of an axis to six significant digits, without a negative zero."""
+    # Adding zero turns -0.0 into 0.0.
     return float(f"{value:.6g}") + 0.0
 
 
@@ -437,5 +450,6 @@ def _with_longer_reference(
 
 def _readable(value: float) -> float:
     """Round a positive value up to two significant digits."""
+    # Without the small number, an error of the arithmetic would round 0.30000000000000004 up to 0.31.
     scale = 10.0 ** (floor(log10(value)) - 1)
     return float(f"{ceil(value / scale - 1e-9) * scale:.2g}")

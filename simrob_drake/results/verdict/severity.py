@@ -21,6 +21,8 @@ CONTROLLER_REMARK: Severity = "note"
 
 def severity_of_end(run: RecordedRun) -> Severity:
     """Severity of how a run ended."""
+    # A monitor of falls ends a run because the robot failed. All others are goals or limits that the user has
+    # set.
     if run.ending == "monitor" and robot_that_fell(run) is not None:
         return "failure"
     return _OF_ENDINGS[run.ending]

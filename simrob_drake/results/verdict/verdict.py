@@ -25,7 +25,7 @@ from simrob_drake.results.verdict.severity import VIOLATION, severity_of_value
 from simrob_drake.results.verdict.words import (
     amount_for_users,
     amount_in_words,
-    capitalised,
+    capitalize,
     count_in_words,
     in_words,
     rounded_in_words,
@@ -141,6 +141,7 @@ class Criterion:
         measured = self.measure(run)
         if measured is None or not measured.subjects:
             return None
+        # Subjects that are not judged have no entry, so that they can never be the worst one.
         entries = []
         for index, subject in enumerate(measured.subjects):
             if subject not in measured.left_out:
@@ -148,6 +149,7 @@ class Criterion:
         result = Measure(self, tuple(entries), dict(measured.left_out))
         if self.remedy is None or not result.warning:
             return result
+        # A remedy may need the plant, which is slow to evaluate: it is searched for violated bounds only.
         return replace(result, remedy=self.remedy(run, result.worst))
 
     def _entry(self, measured: Measured, index: int, bounds: VerdictConfig) -> MeasuredValue:
@@ -171,6 +173,7 @@ class Criterion:
             return self.default_bound
         if bound == "none":
             return None
+        # Bounds of angles are in degrees in the file, and values in radians.
         return float(np.deg2rad(bound) if key.endswith("_deg") else bound)
 
     def is_violated_by(self, entry: MeasuredValue) -> bool:
@@ -181,10 +184,15 @@ class Criterion:
 
 
 class Rank(NamedTuple):
-    """Key for comparing entries. An entry that violates its bound is worse than all entries that do not."""
+    """Key for comparing entries. An entry that violates its bound is worse than all entries that do not.
+
+    Attributes:
+        is_violation: whether the entry violates its bound. It is compared first.
+        amount: size of the value, in the sense that a larger amount is worse.
+    """
 
     is_violation: bool
-    amount: float  # the larger, the worse
+    amount: float
 
 
 class CriterionRow(NamedTuple):
@@ -278,7 +286,7 @@ class Measure:
             )
         return message(
             "results.with_bound_and_others",
-            "{sentence} (bound {bound}; {others} more beyond it)",
+            "{sentence} (bound {bound}; {others} more {others:violation|violations})",
             sentence=sentence,
             bound=bound,
             others=violations - 1,
@@ -311,6 +319,7 @@ class Measure:
     def _in_table(self, value: float) -> Message:
         """Write a value of the worst entry, or its bound, for the table. Shares of a limit are written as amounts."""
         worst = self.worst
+        # A share alone would not show how large the torque or the speed was.
         if worst.limit_unit and not self.criterion.shows_share:
             return amount_in_words(value, worst.limit, worst.limit_unit)
         return rounded_in_words(value, worst.unit)
@@ -421,7 +430,7 @@ class Verdict:
             UnknownName: there is no such criterion, or it had nothing to measure.
         """
         known = {measure.criterion.name: measure for measure in self.measures}
-        return known[one_of("figure", name, known)]
+        return known[one_of(message("results.criterion", "criterion"), name, known)]
 
     @property
     def beyond(self) -> list[str]:
@@ -448,7 +457,9 @@ class Verdict:
         warnings += [measure.remark for measure in self.measures if measure.remark is not None]
         for move in self.moves:
             warnings += move.remarks
+        # Notes do not count: they are true of good runs, too.
         severity = worst_severity([Remark(self.severity_of_end, self.ended), *warnings])
+        # The sentence comes first, with the severity of the worst remark: pages show it as the headline.
         return [
             Remark(severity, self.sentence),
             *warnings,
@@ -462,7 +473,7 @@ class Verdict:
 
     @property
     def sentence(self) -> str:
-        """A sentence that says how the run ended and what missed its bound, without a capital and a full stop.
+        """A sentence on how the run ended and which values violate their bounds, without a capital and a full stop.
 
         For example: ``ran to its end at 3 s. Two targets missed, by up to 31.3 mm``.
         """
@@ -471,13 +482,13 @@ class Verdict:
 
     @property
     def judgement(self) -> str:
-        """What missed its bound: the sentence without how the run ended. Empty if the run failed."""
+        """The part of the sentence about values that violate their bounds. It is empty if the run failed."""
         if self.severity_of_end == "failure":
             return ""
         return join_texts(self._judgements(), ". ")
 
     def _judgements(self) -> Iterator[Message]:
-        """Yield a sentence for what missed: targets of moves, then bounds, then the solver's doubts."""
+        """Yield the sentences of the judgement: on missed targets, violated bounds, and the solver's doubts."""
         misses = [move.position_error for move in self.moves if move.misses_target]
         if misses:
             yield _missed_targets(misses)
@@ -493,6 +504,8 @@ class Verdict:
                 count=count,
                 titles=titles,
             )
+        # Each move that misses its target has one remark about that. The rest is about paths, speeds and
+        # distances.
         others = sum(len(move.remarks) for move in self.moves) - len(misses)
         if others == 1:
             yield message("results.other_warning", "One more warning about a move")
@@ -502,6 +515,7 @@ class Verdict:
                 "{count} more warnings about moves",
                 count=count_in_words(others),
             )
+        # The sentence names friction, the usual doubt after an import. For all others it refers to the warnings.
         frictions_alone = bool(self.doubts) and all(map(_is_about_friction, self.doubts))
         if frictions_alone:
             yield message("results.friction_left_out", "Joint friction was left out")
@@ -519,11 +533,12 @@ class Verdict:
             if measure.criterion.least or measure.worst.value > 0
         ]
         rows = [measure.row for measure in shown if measure.entries]
+        # Sorting is stable: otherwise the criteria keep their order.
         return sorted(rows, key=lambda row: row.severity != VIOLATION)
 
     def __str__(self) -> str:
         """The sentence of the verdict."""
-        return capitalised(self.sentence)
+        return capitalize(self.sentence)
 
     def __repr__(self) -> str:
         """The sentence, and the table of criteria."""
@@ -547,7 +562,7 @@ class Verdict:
         """Content for ``summary.json``."""
         return {
             "severity": self.severity,
-            "sentence": capitalised(self.sentence),
+            "sentence": capitalize(self.sentence),
             "remarks": [remark.summary() for remark in self.remarks[1:]],
             "sample_rate": self.sample_rate,
             "contact_rate": self.contact_rate,
@@ -562,7 +577,7 @@ def _is_about_friction(doubt: str) -> bool:
 
 
 def _missed_targets(misses: Sequence[float]) -> Message:
-    """Say how many moves missed their target, and by how much [m]."""
+    """Write the count of moves that missed their targets, and the largest distance of these [m]."""
     distance = in_words(max(misses), "m")
     if len(misses) == 1:
         return message(
@@ -594,9 +609,8 @@ def join_verdicts(
     entries: dict[Criterion, dict[str, MeasuredValue]] = {}  # the combined entry of each subject
     left_out: dict[Criterion, dict[str, str]] = {}
     moves = list[Any]()
-    remedies: dict[
-        Criterion, Remedy | None
-    ] = {}  # of the latest run in which the criterion is violated
+    # The remedy of the latest run in which the criterion is violated.
+    remedies: dict[Criterion, Remedy | None] = {}
     move_names = names or [""] * len(verdicts)
     for verdict, begin, duration, name in zip(
         verdicts, begins, durations, move_names, strict=False
@@ -632,7 +646,9 @@ def join_verdicts(
 
 
 def with_move_names(verdict: Verdict, spans: Sequence["MoveSpan"]) -> Verdict:
-    """Name the move in which each value of a program occurred. Values that have a move, or no time, stay as they are.
+    """Add to each value of a program the name of the move in which it occurred.
+
+    Values that have the name of a move already, or no time, are not changed.
 
     Args:
         verdict: verdict on the program.
@@ -656,10 +672,10 @@ def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
     if time is None:
         return ""
     for span in spans:
-        if (
-            span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING
-            and span.end > span.begin
-        ):
+        # A move without duration, such as one that attaches a piece, has no values of its own.
+        has_duration = span.end > span.begin
+        is_inside = span.begin - _TIME_ROUNDING <= time <= span.end + _TIME_ROUNDING
+        if has_duration and is_inside:
             return move_title(span.index) if span.is_named else ""
     return ""
 
@@ -683,6 +699,7 @@ def _combine(
         total_time: duration of all runs [s].
     """
     if measure.criterion.per_time:
+        # Each run adds its time at the limit, divided by the time of the program.
         share = new.value * duration / total_time if total_time else 0.0
         return new._replace(value=share + (known.value if known else 0.0))
     if known is None or measure._rank(new) > measure._rank(known):

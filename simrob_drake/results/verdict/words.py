@@ -1,11 +1,12 @@
 """Values and counts as users read them: with units, and as the words of a sentence."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from simrob_drake.base.messages import Message, compound, message
+from simrob_drake.base.renaming import former_names_of
 
 _COUNT_WORDS = {
     2: message("results.two", "Two"),
@@ -75,6 +76,7 @@ class Amount(NamedTuple):
 def amount_for_users(value: float, unit: str) -> Amount:
     """Convert an amount to the units of users: speeds of axes in deg/s, as positions are in degrees."""
     if unit == "rad/s":
+        # Only speeds of turning joints: torques, forces and speeds in m/s are the same for users.
         value = float(np.rad2deg(value))
         unit = "deg/s"
     return Amount(float(f"{value:.3g}"), unit)
@@ -102,13 +104,19 @@ def text_table(rows: Sequence[Sequence[str]], width: int = 80) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:
+        # The last column is padded as well; rstrip() removes its spaces.
         cells = [cell.ljust(size) for cell, size in zip(row, widths, strict=True)]
         lines.append("  ".join(cells).rstrip()[:width])
     return lines
 
 
-def capitalised(text: str) -> str:
+def capitalize(text: str) -> str:
     """Begin a text with a capital letter. A message does so in each language."""
     if isinstance(text, Message):
         return text.as_sentence()
+    # str.capitalize() would make all other letters small, also those of units and names.
     return text[:1].upper() + text[1:]
+
+
+if not TYPE_CHECKING:
+    __getattr__ = former_names_of(__name__, {"capitalised": "capitalize"})

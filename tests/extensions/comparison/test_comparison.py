@@ -161,7 +161,7 @@ def test_bad_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         (["compare", "bouncing_ball", "--out", str(tmp_path / "mine")], "exists already"),
         (
             ["compare", "bouncing_ball", "--out", str(tmp_path / "mine"), "--force"],
-            "something else than a result",
+            "contains files that are not a result",
         ),
     ):
         assert run_command(command) == 2

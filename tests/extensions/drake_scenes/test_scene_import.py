@@ -255,7 +255,7 @@ class TestAddDirectives:
     def test_a_file_beyond_the_border_is_refused(self, tmp_path: Path) -> None:
         station = tmp_path / "station.yaml"
         station.write_text(f"add_directives: [{SCENES / 'pendulum.dmd.yaml'}]\n")
-        with pytest.raises(InvalidConfig, match="lies outside of the allowed folders"):
+        with pytest.raises(InvalidConfig, match="is outside the allowed folders"):
             load_station(station)
 
 

@@ -96,7 +96,7 @@ def test_a_file_with_tags_that_is_no_scene(
     file.write_text("robot: {model: irb120}\nservo: !Iiwa {kp: 3}\n")
     assert run_command(["run", str(file)]) == 2
     errors = " ".join(capsys.readouterr().err.split())
-    assert "has the tag !Iiwa (line 2), which only scenes of Drake have" in errors
+    assert "has the tag !Iiwa (line 2), which only Drake scenes have" in errors
     assert "is not YAML" not in errors
 
 
@@ -144,12 +144,12 @@ def test_models_may_not_name_files_beyond_their_package(tmp_path: Path) -> None:
     (folder / "scene.dmd.yaml").write_text(
         f"directives:\n- add_model: {{name: part, file: package://scene/part.urdf}}\n{weld}"
     )
-    with pytest.raises(InvalidConfig, match=r"secret\.obj lies outside of the allowed folders"):
+    with pytest.raises(InvalidConfig, match=r"secret\.obj is outside the allowed folders"):
         load_station(folder / "scene.dmd.yaml")
     (folder / "scene.dmd.yaml").write_text(
         f"directives:\n- add_model: {{name: part, file: 'file://{secret}'}}\n"
     )
-    with pytest.raises(InvalidConfig, match=r"secret\.obj lies outside of the allowed folders"):
+    with pytest.raises(InvalidConfig, match=r"secret\.obj is outside the allowed folders"):
         load_station(folder / "scene.dmd.yaml")
 
 

@@ -49,4 +49,4 @@ def test_a_search_for_extensions_does_not_load_gymnasium():
 
 def test_check_says_that_a_task_is_no_station(capsys):
     assert run_command(["check", str(models_root() / "tasks" / "reach.yaml")]) == 2
-    assert "is no station but a task to learn" in capsys.readouterr().err
+    assert "is not a station, but a task to learn" in capsys.readouterr().err

@@ -265,7 +265,9 @@ def test_masses_that_are_made_up_are_told_link_by_link(tmp_path):
         link.remove(link.find("inertial"))
     made = make_legged(tree.write(tmp_path), tmp_path / "made")
     said = dict(line.split(": ", 1) for line in made.assumed)
-    assert said["link 'a0'"].startswith("has neither inertia nor shape; a small ball: 0.1 kg")
+    assert said["link 'a0'"].startswith(
+        "has neither inertia nor shape; estimated as a small ball: 0.1 kg"
+    )
     assert "of its shapes" in said["link 'trunk'"]
     assert "no collision shape" in made.problem
     assert "to be tuned first" not in (tmp_path / "made" / "legged.md").read_text()

@@ -156,21 +156,25 @@ class LegsSession:
 
     def add(self):
         self.calls.append(("add",))
-        self.told("program", program=self.program.added(*map(check_move, self.pending)), pending=())
+        self.told(
+            "program",
+            program=self.program.with_added_moves(*map(check_move, self.pending)),
+            pending=(),
+        )
         return True
 
     def edit(self, index, move):
         self.calls.append(("edit", index, move))
-        self.told("program", program=self.program.edited(index, check_move(move)))
+        self.told("program", program=self.program.with_replaced_move(index, check_move(move)))
         return True
 
     def remove(self, index):
-        self.told("program", program=self.program.removed(index))
+        self.told("program", program=self.program.without_move(index))
         return True
 
     def move_entry(self, index, to):
         entry = self.program.moves[index]
-        self.told("program", program=self.program.removed(index).inserted(to, entry))
+        self.told("program", program=self.program.without_move(index).with_inserted_move(to, entry))
         return True
 
     def switch_loop(self, name, on):

@@ -102,15 +102,15 @@ class ArmSession(StubSession):
             content["wobj"] = goal["frame"]
         if via:
             content["via"] = self.targets[via]["pose"][:3]
-        self.told("program", program=self.program.added(check_move({kind: content})))
+        self.told("program", program=self.program.with_added_moves(check_move({kind: content})))
         return True
 
     def edit(self, index, move):
-        self.told("program", program=self.program.edited(index, check_move(move)))
+        self.told("program", program=self.program.with_replaced_move(index, check_move(move)))
         return True
 
     def remove(self, index):
-        self.told("program", program=self.program.removed(index))
+        self.told("program", program=self.program.without_move(index))
 
     def branches(self, target=None):
         pose = (

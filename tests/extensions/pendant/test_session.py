@@ -430,7 +430,7 @@ def test_reset_erases_all_and_undo_brings_it_back(teach):
         ({"left_elbo": 3}, "did you mean 'left_elbow'?"),
         ({"left_elbow": float("nan")}, "must be a finite number"),
         ({"left_elbow": "3"}, "must be a finite number"),
-        ({"left_elbow": 3, "CodI": 4}, "another name of an axis that it moves, too"),
+        ({"left_elbow": 3, "CodI": 4}, "its axis has a target under another name already"),
         ({}, "at least one axis"),
     ],
 )
@@ -448,7 +448,7 @@ def test_wrong_targets_are_refused_in_words(teach, target, told):
 @pytest.mark.parametrize(
     ("asked", "told"),
     [
-        (lambda s: s.book.edit(3, {"act": "bow"}), "of a move; there is none"),
+        (lambda s: s.book.edit(3, {"act": "bow"}), "the index of a move, and the program has none"),
         (lambda s: s.book.insert(0, {"hop": 1}), "hop: unknown key"),
         (lambda s: s.book.insert(0, {"walk": {"steps": "many"}}), "steps"),
         (lambda s: s.book.remove_change(0), "index"),
@@ -879,7 +879,7 @@ def test_a_full_disk_is_told_and_nothing_is_forgotten(teach):
 
 def test_two_processes_do_not_teach_in_one_folder(teach, tmp_path):
     session = teach()
-    with pytest.raises(SimrobError, match="another process is at work in it"):
+    with pytest.raises(SimrobError, match="another process is using this folder"):
         Session.open("humanoid", tmp_path, live=CountingRun)
     session.close()
     Session.open("humanoid", tmp_path, live=CountingRun).close()

@@ -210,7 +210,7 @@ def test_while_it_runs_it_is_told_what_holds_a_run_up_and_then_what_became_of_it
     heard(session, session.test({"joint_1": 20}, 0.5))
     (during, slow), (_, ended) = told
     assert during == "running"
-    assert re.match(r"irb120_dynamic makes .* real time.* with .* s left: ", slow)
+    assert re.match(r"irb120_dynamic runs at .* real time.* with .* s left: ", slow)
     lines = ended.splitlines()
     assert lines[0].startswith("Ran to its end at 0.5 s")
     assert len(lines) == len(session.run.ending["remarks"])

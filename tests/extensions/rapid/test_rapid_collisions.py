@@ -14,5 +14,5 @@ def test_a_move_into_the_arm_itself_is_lost(tmp_path):
     lines = [f"MoveAbsJ {home},v500,fine,tool0;", f"MoveAbsJ {target},v500,fine,tool0;"]
     module.write_text("MODULE Folded\nPROC main()\n" + "\n".join(lines) + "\nENDPROC\nENDMODULE\n")
     (lost,) = import_rapid(module, bare_station("ur5")).lost
-    assert "link_1 would run into link_" in lost.text
+    assert "link_1 would collide with link_" in lost.text
     assert lost.line == 4

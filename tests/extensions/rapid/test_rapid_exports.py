@@ -204,8 +204,8 @@ def test_the_commands_write_run_and_import(tmp_path, monkeypatch, capsys):
     assert run_command([*run, "two"]) == 2
     told = capsys.readouterr()
     assert (
-        "WaitTym is not known, and left out; did you mean 'waittime'?; nothing moved: --allow-losses runs it without"
-        in told.err
+        "WaitTym is not known, and left out; did you mean 'waittime'?; the program was not run: "
+        "--allow-losses runs it without these lines" in told.err
     )
     assert not (tmp_path / "two").exists()
 
@@ -228,18 +228,18 @@ def test_the_example_of_the_page_is_done(tmp_path):
 @pytest.mark.parametrize(
     ("command", "message"),
     [
-        (["run", "A.mod"], "--robot is missing; it must be who does it"),
+        (["run", "A.mod"], "--robot is missing; it must be the robot that runs the program"),
         (["run", "A.mod", "--robot", "irb120"], "A.mod: line 1: there is no PROC main()"),
         (
             ["run", "irb120_kinematic", "--robot", "irb120"],
-            "--robot: it belongs to RAPID modules; leave it out",
+            "--robot: the option belongs to RAPID modules; leave it out",
         ),
         (["import", "none.mod", "--robot", "irb120"], "none.mod: No such file"),
         (["export", "irb120_kinematic", "--rapid", "B.mod"], "irb120_kinematic: is no program"),
         (["export", "irb120_kinematic"], "or --sdf or --mjcf, or --rapid or --urscript"),
         (
             ["export", "p.yaml", "--rapid", "x.txt", "--urscript", "./x.txt"],
-            "--urscript is x.txt; it must be another file than that of --rapid",
+            "--urscript is x.txt; it must be a different file from that of --rapid",
         ),
     ],
 )

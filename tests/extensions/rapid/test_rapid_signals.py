@@ -150,7 +150,9 @@ def test_collisions_are_looked_at_unless_told(tmp_path):
     module = tmp_path / "Test.mod"
     module.write_text(f"MODULE Test\nPROC main()\n{moves}\nENDPROC\nENDMODULE\n")
     (lost,) = import_rapid(module, STATION).lost
-    assert re.search("would run into part, .* `check: limits` in the move allows it", lost.text)
+    assert re.search(
+        "would collide with part, .* `check: limits` in the move leaves out this check", lost.text
+    )
     assert lost.line == 3
     assert "check: limits" in import_rapid(module, STATION, check="limits").program.text()
 

@@ -253,7 +253,7 @@ def test_logs_that_cannot_be(tmp_path):
         ("time,x\n1,2\n1,3\n", "times rise"),
         ("time,x\n-1,2\n1,3\n", "from 0 or later"),
         ("time,x\n1,2\n", "two moments or more"),
-        ("", "a.csv: is empty; it must hold a line of names"),
+        ("", "a.csv: is empty; it must contain a line of names"),
         ("\n\n", "is empty"),
         ("time,x\n", "two moments or more"),
     ):

@@ -166,7 +166,7 @@ def test_an_import_is_reported_in_spanish(tmp_path, monkeypatch, capsys):
     assert any(
         re.match(r"a\.slx: \d+ bloques, \d+ cuerpos, \d+ articulaciones; ", line) for line in lines
     )
-    assert any(line.startswith("ahora    simrob run ") for line in lines)
+    assert any(line.startswith("siguiente simrob run ") for line in lines)
     assert "se pierde: Worm: " in shown.err
     names = r"\S*[/_.]\S*|Worm and Gear Constraints?|Thing of Next Year|simrob \w+"
     english = r"\b(the|of|and|is|are|lost|left open|blocks|bodies|joints|its|not|by)\b"

@@ -255,7 +255,7 @@ def test_meshes_are_found_and_weighed_but_only_below_given_folders(tmp_path):
         read_solid(node("File Solid", ExtGeomFileName="../secret.stl"), meshes)
     (tmp_path / "model" / "cut.stl").write_bytes((tmp_path / "secret.stl").read_bytes()[:200])
     with pytest.raises(
-        InvalidModel, match=r"the mesh cut\.stl, which is cut off: of its 12 faces 2 are there"
+        InvalidModel, match=r"the mesh cut\.stl, which is cut off: it contains 2 of its 12 faces"
     ):
         read_solid(node("File Solid", ExtGeomFileName="cut.stl"), meshes)
 

@@ -80,15 +80,15 @@ DAMAGES = {
     ),
     "no end": (
         lambda one, two: one + changed(two, ended=None),
-        "line 2: ended: this key is needed",
+        "line 2: ended: this key is required",
     ),
     "no rows": (lambda one, two: b'{"number": 1, "rows": []}\n', "line 1: rows"),
     "not a number": (
         swap(b'"ended"', b'"a": NaN, "ended"'),
-        "line 2: is not JSON: NaN is no finite number",
+        "line 2: is not JSON: NaN is not a finite number",
     ),
-    "beyond floats": (swap(b'"ended"', b'"a": 1e999, "ended"'), "1e999 is no finite"),
-    "a key twice": (swap(b'"ended"', b'"ended": "a", "ended"'), "a key stands twice"),
+    "beyond floats": (swap(b'"ended"', b'"a": 1e999, "ended"'), "1e999 is not a finite"),
+    "a key twice": (swap(b'"ended"', b'"ended": "a", "ended"'), "a key occurs twice"),
     "of something else": (
         lambda one, two: one + changed(two, **{"servo.kp": 40.5}),
         "line 2: run 2: is ",
@@ -179,7 +179,7 @@ def test_the_commands_say_it_in_one_line(whole, command, tmp_path, monkeypatch, 
         ),
         ("servo.kp: 30", "winner.yaml: must hold figures of servo.kp, servo.kd"),
         ("{servo.kp: .nan, servo.kd: 1}", "winner.yaml: servo.kp: must be a value .*nan"),
-        ("[1]", "winner.yaml: must hold a mapping"),
+        ("[1]", "winner.yaml: must contain a mapping"),
     ],
 )
 def test_a_winner_that_was_edited_is_looked_at(tmp_path, text, told):

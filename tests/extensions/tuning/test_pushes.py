@@ -363,6 +363,6 @@ def test_a_trial_that_cannot_be_made_withstands_nothing(block):
 @pytest.mark.parametrize("moment", [0.0, 0.1, 3.0])
 def test_a_run_is_left_at_a_moment_within_it(moment):
     with pytest.raises(
-        InvalidParameter, match=r"at is .*a moment within the run, over 0 and below 0.1 s"
+        InvalidParameter, match=r"at is .*a time within the run, greater than 0 and less than 0.1 s"
     ):
         Runner(load_station("double_pendulum", {"duration": 0.1})).branch(moment)

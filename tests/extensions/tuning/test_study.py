@@ -114,9 +114,9 @@ def test_a_fall_may_be_a_cost_and_several_costs_are_apart():
     ("changed", "told"),
     [
         ({"vary": {}}, "vary"),
-        ({"vary": {"servo.kp": {"low": 2, "high": 1}}}, "low must be below high"),
+        ({"vary": {"servo.kp": {"low": 2, "high": 1}}}, "low must be less than high"),
         ({"vary": {"servo.kp": {"low": 0, "high": 1, "log": True}}}, "low must be positive"),
-        ({"vary": {"servo.kp": {"low": 1, "high": 2, "start": 3}}}, "start must lie between"),
+        ({"vary": {"servo.kp": {"low": 1, "high": 2, "start": 3}}}, "start must be between"),
         (
             {"vary": {"servo.kpp": {"low": 1, "high": 2}}},
             "vary servo.kpp: unknown key; did you mean 'kp'",
@@ -138,7 +138,7 @@ def test_a_fall_may_be_a_cost_and_several_costs_are_apart():
         ),
         (
             {"proof": {"cases": [{"reference.target_deg": 1e300}]}},
-            r"cases\[0\].reference.target_deg: a figure is zero or",
+            r"cases\[0\].reference.target_deg: must be zero, or",
         ),
         (
             {"proof": {"cases": [{"reference.target_deg": 1e6}]}},
@@ -146,7 +146,7 @@ def test_a_fall_may_be_a_cost_and_several_costs_are_apart():
         ),
         (
             {"proof": {"cases": [{"start": "/etc/passwd"}]}},
-            "start: /etc/passwd lies outside of the allowed folders",
+            "start: /etc/passwd is outside the allowed folders",
         ),
         ({"trials": "200"}, "trials: must be an integer"),
         ({"search": {"seeds": ["1"]}}, "search.seeds"),
@@ -259,7 +259,7 @@ def test_conditions_are_listed_and_drawn():
         ),
         (
             {"proof": {"vary": {"gravity": {"low": 2}}}},
-            r"proof\.vary\.gravity\.high: this key is needed",
+            r"proof\.vary\.gravity\.high: this key is required",
         ),
         ({"proof": {"sampling": "sobel"}}, "there is no 'sobel'; did you mean 'sobol'"),
     ],
@@ -340,7 +340,7 @@ class TestFolder:
         place = StudyFolder(tmp_path / "study", study)
         with (
             alone_in(tmp_path / "study"),
-            pytest.raises(OutputError, match="another process is at work"),
+            pytest.raises(OutputError, match="another process is using"),
         ):
             place.run(workers=1, progress=False)
         (tmp_path / "own.yaml").write_text(text.replace("gravity: 9.81", "gravity: 1.62"))
@@ -430,10 +430,10 @@ def test_a_study_reads_no_robot_outside_of_its_folder(tmp_path):
 def test_check_says_that_a_study_is_no_station(tmp_path, capsys):
     file = Path(__file__).parents[3] / "examples" / "studies" / "irb120_gains.yaml"
     assert run_command(["check", str(file)]) == 2
-    assert f"{file}: is no station but a study: simrob tune {file}" in capsys.readouterr().err
+    assert f"{file}: is not a station, but a study: simrob tune {file}" in capsys.readouterr().err
     (tmp_path / "sweep.yaml").write_text("station: irb120_dynamic")
     assert run_command(["run", str(tmp_path)]) == 2
     assert (
-        f"is no station but the folder of a sweep: simrob sweep {tmp_path}"
+        f"is not a station, but the folder of a sweep: simrob sweep {tmp_path}"
         in capsys.readouterr().err
     )

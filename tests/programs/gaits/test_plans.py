@@ -280,7 +280,7 @@ def test_a_swing_rises_and_lands_on_its_foothold():
         (
             lambda: walk("roid1", 10, step_length=0.2),
             OutOfReach,
-            r"_foot is out of reach by \d+ mm",
+            r"_foot is \d+ mm too short",
         ),
         (lambda: walk("humanoid", 10, height=1), InvalidConfig, "height"),
         (lambda: walk("humanoid", 10, turn_deg=5), InvalidParameter, "turn"),

@@ -111,12 +111,14 @@ def test_one_verb_for_arms_and_legs():
     done = arm.do({"move_abs_j": [0.1, 0, 0, 0, 0, 0]})
     np.testing.assert_array_equal(done.values, again.move_abs_j([0.1, 0, 0, 0, 0, 0]).values)
     assert arm.do({"tool": "tool0"}) is None
-    with pytest.raises(InvalidParameter, match=r"walk.*this one is for legs"):
+    with pytest.raises(InvalidParameter, match=r"walk.*a move for arms, not for robots with legs"):
         arm.do({"walk": {"steps": 2}})
     legs = LeggedRobot("humanoid_fixed")
     assert legs.do({"wait": 0.1}, store=True).stop_time == pytest.approx(0.1)
     assert legs.program.moves[0].entry() == {"wait": 0.1}
-    with pytest.raises(InvalidParameter, match=r"move_l.*this one is of arms"):
+    with pytest.raises(
+        InvalidParameter, match=r"move_l.*a move for robots with legs, not for arms"
+    ):
         legs.do({"move_l": [0, 0, 1]})
 
 

@@ -11,7 +11,7 @@ from simrob_drake.extensions.pendant.pages.elements import allow, follow, set_la
 from simrob_drake.extensions.pendant.pages.words import Notice, Words
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.results.verdict.verdict import TABLE_HEADINGS, CriterionRow
-from simrob_drake.results.verdict.words import capitalised
+from simrob_drake.results.verdict.words import capitalize
 
 _ICONS: dict[Severity, str] = {
     "success": "check_circle",
@@ -98,7 +98,7 @@ class Messages:
         """Build the line of a remedy, with a button if it sets a key of the station."""
         with ui.row().classes("pendant-remark pendant-remedy"):
             ui.icon("arrow_forward").props("aria-hidden=true")
-            ui.label(capitalised(self._t.render(remedy.text)))
+            ui.label(capitalize(self._t.render(remedy.text)))
         if not remedy.changes:
             return
         # Under the sentence, for which a button beside it would leave a narrow column.

@@ -19,7 +19,7 @@ from simrob_drake.programs.moves.motion import ArmMotion
 from simrob_drake.programs.moves.move import Move, content_of, kind_of
 from simrob_drake.programs.timeline import Change
 from simrob_drake.results.verdict.verdict import CriterionRow
-from simrob_drake.results.verdict.words import capitalised
+from simrob_drake.results.verdict.words import capitalize
 
 _FOLDER = Path(__file__).parent / "strings"
 _BETWEEN = "."
@@ -131,7 +131,7 @@ class Notice:
         """
         texts = [render(remark.text) for remark in self.remarks]
         if self.criteria:
-            texts[0] = capitalised(texts[0])
+            texts[0] = capitalize(texts[0])
         return texts
 
     def __str__(self) -> str:
