@@ -451,7 +451,9 @@ class TestWrong:
             simulate(arm(), blocks={"mine": builder.Build()}, duration=0.1)
 
     def test_two_drivers_of_one_input(self):
-        with pytest.raises(SimrobError, match=r"input reference: the blocks nod and other both drive it"):
+        with pytest.raises(
+            SimrobError, match=r"input reference: the blocks nod and other both drive it"
+        ):
             simulate(arm(), blocks={"nod": Nod(), "other": Nod()}, duration=0.1)
 
     def test_two_of_one_name(self):
