@@ -13,7 +13,7 @@ from copy import deepcopy
 from pathlib import Path
 from typing import NamedTuple
 
-from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.errors import SimrobError, shorten
 from simrob_drake.base.messages import compound, message
 from simrob_drake.robots.imports import ImportReport
 

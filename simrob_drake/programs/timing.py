@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from simrob_drake.base.arguments import LONGEST, SHORTEST, positive, seconds
 from simrob_drake.base.errors import InvalidParameter, Unsuitable, one_of
+from simrob_drake.base.extras import importing_extra
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.blocks.cruise import LONGEST_RAMP, TimeLaw, cruise, cruise_in, smooth_law

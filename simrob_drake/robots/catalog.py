@@ -27,6 +27,7 @@ from simrob_drake.base.sections import (
     Strict,
     default_of,
     is_file_name,
+    validate_section,
 )
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.axis import Axis, axes_by_name

@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict
 from simrob_drake.base.errors import InvalidParameter, one_of
 from simrob_drake.base.files import robot_files
 from simrob_drake.base.messages import message
-from simrob_drake.base.sections import Number
+from simrob_drake.base.sections import Number, validate_section
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.robots.catalog import RobotModel, robot_names
 

@@ -16,7 +16,7 @@ from pydrake.geometry import Box, Cylinder, Shape, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.tree import RotationalInertia
 
-from simrob_drake.base.errors import InvalidModel, one_of
+from simrob_drake.base.errors import InvalidModel, one_of, shorten
 from simrob_drake.base.files import NotRead, models_root, text_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import message

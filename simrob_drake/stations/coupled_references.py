@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
-from simrob_drake.base.errors import InvalidParameter
+from simrob_drake.base.errors import InvalidParameter, list_names
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
 from simrob_drake.blocks.combined_references import combine_references

@@ -7,6 +7,7 @@ does show, such as a joint that sags, is judged by its verdict.
 
 from collections.abc import Mapping
 
+from simrob_drake.base.errors import list_names
 from simrob_drake.base.messages import message
 from simrob_drake.blocks.references import Reference
 from simrob_drake.parts.controllers import loops_of

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 from xml.sax.saxutils import unescape
 
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.files import content_of
 from simrob_drake.base.messages import message
 

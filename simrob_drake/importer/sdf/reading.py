@@ -9,7 +9,7 @@ from os.path import isdir
 from pathlib import Path
 from typing import NamedTuple
 
-from simrob_drake.base.errors import one_of
+from simrob_drake.base.errors import one_of, shorten
 from simrob_drake.base.messages import compound, message
 from simrob_drake.base.packages import MODEL_MANIFEST, OutsideBorder
 from simrob_drake.importer.meshes.places import MeshMissing, MeshPlaces

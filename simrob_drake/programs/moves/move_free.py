@@ -20,6 +20,7 @@ from pydrake.math import RotationMatrix
 from simrob_drake.base.arguments import positive, truth, whole
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector
+from simrob_drake.base.interpolation import stack_poses
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Boolean, Integer, Pose, Positive
 from simrob_drake.kinematics.every_branch import goal_postures

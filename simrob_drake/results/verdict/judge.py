@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simrob_drake.base.errors import shorten
 from simrob_drake.base.extension import ExtensionWarning, register_core_names, usable_objects
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message
