@@ -237,7 +237,7 @@ class Settled(MonitorSection):
 
 
 class Divergence(MonitorSection):
-    """End the run when a joint runs away."""
+    """End the run when a joint becomes faster than any real one: the simulation has diverged."""
 
     kind: Literal["divergence"]
     speed_limit: Positive = 100.0
