@@ -23,7 +23,7 @@ from pydrake.trajectories import (
     Trajectory,
 )
 
-from simrob_drake.base.arguments import SHORTEST
+from simrob_drake.base.arguments import SHORTEST, seconds
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.messages import message
@@ -473,8 +473,19 @@ def move(
     duration: float,
     start_time: float = 0.0,
 ) -> Trajectory:
-    """Trajectory from a start to a target, each (n,) [rad], from rest to rest with continuous acceleration."""
-    return sequence(start, [start_time + duration], [target], start_time=start_time)
+    """Trajectory from a start to a target, from rest to rest with continuous acceleration.
+
+    Args:
+        start: positions at the start, shape (n,) [rad].
+        target: positions at the end, shape (n,) [rad].
+        duration: duration of the motion [s].
+        start_time: time at which the motion starts [s].
+
+    Raises:
+        InvalidParameter: the duration is no number, shorter than SHORTEST, or longer than LONGEST.
+    """
+    arrival = start_time + seconds(duration)
+    return sequence(start, [arrival], [target], start_time=start_time)
 
 
 def sequence(

@@ -244,9 +244,9 @@ class ServoGains:
         """Check the values.
 
         Raises:
-            InvalidParameter: a gain is negative or beyond `LARGEST_GAIN`, or is not 0 although the axis is passive; a
-                limit is negative; the integral limit of an axis with a motor is 0; or a gain kp or kd is 0 in a
-                cascade.
+            InvalidParameter: a gain is negative, not a number or above `LARGEST_GAIN`; a torque limit is not positive,
+                except 0 for a passive axis whose gains are all 0; the integral limit of an axis with a motor is
+                not positive; or, in a cascade (which has a `speed_limit`), a speed limit, kp or kd is not positive.
         """
         for name in ("kp", "ki", "kd"):
             values = getattr(self, name)
