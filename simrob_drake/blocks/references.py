@@ -71,9 +71,9 @@ class ReferenceSignal(ABC):
     @property
     @abstractmethod
     def player_key(self) -> Hashable:
-        """Identifies the source that plays the reference in a diagram.
+        """Key of the source that plays the reference in a diagram.
 
-        A source can play another reference instead if its key is equal.
+        The source can play another reference instead if the keys of both references are equal.
         """
 
     @property
@@ -180,7 +180,7 @@ class SineReference(ReferenceSignal):
 
     @property
     def player_key(self) -> Hashable:
-        """A source plays one sine only: the key consists of all parameters."""
+        """Key that is equal for sines of equal parameters only, as a source cannot play another sine."""
         parameters = [self.centre, self.amplitude, self.phase]
         # Arrays and lists have no hash, tuples do.
         entries = [tuple(np.asarray(values).tolist()) for values in parameters]

@@ -233,11 +233,13 @@ class ServoGains:
 
     @property
     def actuator_limit(self) -> Vector:
-        """Torque limits of the plant's actuators, shape (n,) [N·m]: the stall torque if the joint has the damper."""
+        """Torque limits of the plant's actuators, shape (n,) [N·m].
+
+        The limit is the stall torque if the axis's joint has a damper that makes the motor's torque fall with the speed
+        (:attr:`MotorLine.damping` is above 0); otherwise it is the torque limit of the servo.
+        """
         if self.line is None:
             return self.torque_limit
-        # Where the joint has the damper D, the damper makes the torque fall with the speed, and the
-        # servo has the constant limit tau_s.
         return np.where(self.line.damping > 0, self.line.stall, self.torque_limit)
 
     def __post_init__(self) -> None:
