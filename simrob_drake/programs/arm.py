@@ -277,7 +277,11 @@ class Arm(ArmGeometry):
         frame: str | None = None,
         pose: PoseLike | None = None,
     ) -> None:
-        """Attach a piece to the present tool of the arm, or to another ``parent``; see :meth:`Workcell.attach`."""
+        """Attach a piece to the present tool of the arm, or to another ``parent``; see :meth:`Workcell.attach`.
+
+        Without ``parent``, the piece is attached to the tool in use if that is a piece itself. Otherwise it is attached
+        to the robot: at ``frame``, or else at the robot's first tool.
+        """
         # The tool in use may be a piece that the robot carries, so only the station can find it.
         if parent is None:
             self.cell.take(piece, self.name, frame=frame, pose=pose)
@@ -321,12 +325,17 @@ class Arm(ArmGeometry):
             automatic: whether :attr:`references` run instead, from the station's start; or options for that, see
                 :meth:`LeggedRobot.simulate`.
             strict: whether a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`.
+
+        Raises:
+            Unsuitable: a duration is given for an automatic program, or there is nothing to run.
+            SimrobError: the station cannot repeat the recording, see :meth:`Workcell.simulate`; or an automatic program
+                cannot run, because the station is kinematic or a reference is beyond a limit.
         """
         # The name of a station, or its file, is loaded first, so that its errors come before any run.
         config = None if station is None else Workcell(station).config
         if automatic is False:
             return self.cell.simulate(config, duration=duration, strict=strict)
-        # Each cell lasts until its posture is reached: no duration can be kept.
+        # Each reference lasts until its posture is reached: no duration can be kept.
         if duration is not None:
             raise Unsuitable(
                 "duration",
@@ -335,7 +344,7 @@ class Arm(ArmGeometry):
                     "an automatic program lasts as long as its references",
                 ),
             )
-        # Another workcell runs the cells, so that this arm stays where it is.
+        # A new workcell runs the references, so that this arm stays where it is.
         other = Workcell(self.cell.config if config is None else config)
         other.progress = self.cell.progress
         other.strict = self.cell.strict or strict

@@ -127,7 +127,7 @@ def load_exporter(name: str) -> Exporter:
     """Load an exporter by the name of its format.
 
     Raises:
-        BrokenExtension: the class cannot be used.
+        BrokenExtension: the class cannot be used, or the name of the format is no Python identifier.
         MissingExtension: an extension of this project writes the format, and it is missing.
         InvalidParameter: there is no such format.
     """

@@ -169,7 +169,8 @@ class FreeSpace:
 def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
     """Largest distance that a radian (or metre) of each axis moves the tool or carried points, shape (n,) [m].
 
-    The distance is estimated from random postures of the arm.
+    The distance is estimated from random postures of the arm. Each axis counts at least 0.1 m. At the tool centre point
+    0.1 m is added for each revolute axis, for the links around it.
 
     Args:
         chain: the arm.
@@ -179,15 +180,20 @@ def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
     # One row of points for each posture; the first point is the tool centre point. Shape (postures, points, 3), along
     # the axes of the world.
     points_in_tool = np.vstack([np.zeros(3), carried])
-    # The arm of a point is R p, with the rotation R of the tool; for rows of points it is the product with R'.
-    arms = points_in_tool @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
-    # The velocity of a point at the arm r of the tool is v + w x r, here for a unit speed of each axis.
+    # The lever of a point, from the tool centre point, is R p with the rotation R of the tool; for rows of points it is
+    # the product with R'.
+    levers = points_in_tool @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
+    # The velocity of a point at the lever r is v + w x r, here for a unit speed of each axis.
     jacobians = chain.jacobian(postures)[:, np.newaxis]
-    velocities = jacobians[:, :, :3] + np.cross(jacobians[:, :, 3:], arms[..., np.newaxis], axis=2)
+    velocities = jacobians[:, :, :3] + np.cross(
+        jacobians[:, :, 3:], levers[..., np.newaxis], axis=2
+    )
     largest_speeds = np.linalg.norm(velocities, axis=2).max(axis=0)  # (points, n)
-    # An axis through the tool centre point does not move it, but it moves the arm around the axis.
+    # The tool centre point stands for the last links, too, which have a width: a revolute axis through this point does
+    # not move it, but turns the links around it. All revolute axes get the addition, since the links are near the point
+    # in each case. Carried points get none: they are the corners of what they stand for.
     largest_speeds[0] += _LEAST_LEVER * chain.revolute
-    # A finger does not move the tool, but its motion has to count, too.
+    # A finger does not move the tool, but its motion has to count, too. Sliding axes get no addition above.
     return np.asarray(np.maximum(largest_speeds.max(axis=0), _LEAST_LEVER))
 
 

@@ -38,7 +38,7 @@ from simrob_drake.stations.collisions import CollisionPolicy
 from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.posed import PosedStation
-from simrob_drake.stations.resolved_pieces import carriers_of, flange, tool_in_use
+from simrob_drake.stations.resolved_pieces import carriers_of, flange, held_pieces, tool_in_use
 from simrob_drake.stations.solver_config import ContactConfig, DiscreteSolver
 
 _FLOOR_THICKNESS = 0.1  # thickness of a box that replaces a floor [m]
@@ -495,8 +495,13 @@ def _check_no_loop(model: StationModel, piece: str, parent: str) -> None:
 def _update_tools(model: StationModel, new: StationConfig, piece: str) -> StationConfig:
     """Update the tool centre points of the robot that gave a piece away and of the robot that took it.
 
-    The robot that took the piece with a tool uses the tool centre point of the piece. The robot that gave its tool away
-    uses the tool that carried it.
+    A robot that holds the piece from now on uses the tool centre point of the piece. A piece that is worn, such as a
+    backpack on a trunk or a bottle in this backpack, is no tool: its robot keeps the tool in use.
+
+    A robot loses its tool if this is the piece, or is mounted on the piece. It then uses the held piece on which the
+    piece was mounted, else the own tool on which it was mounted, else its first own tool, else none.
+
+    The other robots of the station do not change. Nothing changes if the piece stays with its carrier.
 
     Args:
         model: the station before.
@@ -507,35 +512,34 @@ def _update_tools(model: StationModel, new: StationConfig, piece: str) -> Statio
     carriers = carriers_of(new)
     giver = old_pieces[piece].carrier
     taker = carriers[piece]
-    # The piece stays with the same robot, or with none: no tool changes.
     if giver == taker:
         return new
     robots = dict(new.robots)
     if giver in robots:
         tool = model.tool_in_use(giver)
-        # The tool in use may be the piece itself, or hang on it.
+        # A tool that is a piece is lost if it has another carrier now. The robot's own tools are not in the mapping.
         lost_its_tool = carriers.get(tool, giver) != giver
         changes: dict[str, Any]
         if lost_its_tool:
             old_parent = old_pieces[piece].parent
             own_tools = model.robots[giver].model.tools
-            frame = model.config.pieces[piece].frame
+            # A piece on another piece names a frame of that piece instead of a tool.
+            frame = model.config.pieces[piece].frame if old_parent == giver else None
             own_tool = frame if frame in own_tools else next(iter(own_tools), None)
             changes = {
-                "tcp": old_parent if old_parent in new.pieces else own_tool,
+                "tcp": old_parent if old_parent in model.robots[giver].held else own_tool,
                 "tcp_offset": None,
             }
         else:
+            # The same tool, which the new station names even if the old one used it by default.
             changes = {"tcp": tool or None}
         robots[giver] = robots[giver].model_copy(update=changes)
     if taker in robots:
-        entry = new.pieces[piece]
-        # A piece on a link, such as a backpack on a trunk, is no tool.
-        is_taken_with_tool = entry.parent in old_pieces or entry.frame not in model.links(taker)
-        if is_taken_with_tool:
+        held = held_pieces(new, carriers, taker, model.robots[taker].model.tools)
+        # As above: a tool that stays is named by the new station.
+        changes = {"tcp": model.tool_in_use(taker) or None}
+        if piece in held:
             changes = {"tcp": piece, "tcp_offset": None}
-        else:
-            changes = {"tcp": model.tool_in_use(taker) or None}
         robots[taker] = robots[taker].model_copy(update=changes)
     return new.model_copy(update={"robots": robots})
 

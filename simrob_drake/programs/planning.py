@@ -251,9 +251,10 @@ ARC_POINTS = 20
 """Default count of points on an arc."""
 
 _MOST_POINTS = 10_000  # largest count of points that a user may set
-# A spline bends within zones only: it needs so many points for the length of each, but never more than enough.
+# A joined path bends within zones only. It is sampled so densely that a piece as long as the size of a zone has so many
+# points, but not with more points than the largest count, however small the zones are.
 _POINTS_PER_ZONE = 4
-_ENOUGH_POINTS = 2000
+_MOST_POINTS_FOR_ZONES = 2000
 
 
 @dataclass(frozen=True)
@@ -485,16 +486,23 @@ def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]
     """Join paths between which the tool does not stop.
 
     Args:
-        ways: path to each target.
+        ways: path to each target. Lengths are those of the tool's path, for paths of joints, too.
         zone: size of the zones [m]. If it is 0, the move rests at each target, and no paths are joined.
         points: count of points on the way to each target.
+
+    Returns:
+        each path with its count of points, if the zone is 0. Otherwise a single path, with as many points as all paths
+        have together, or more if the zones are small.
+
+    Raises:
+        InvalidParameter: the zone is larger than half of a path that leads into or out of one.
     """
     if not zone:
         return [SampledWay(way, points) for way in ways]
     joined = through_zones(ways, zone)
     # Small zones bend the path sharply: the points have to be close enough to follow them.
-    enough = min(int(_POINTS_PER_ZONE * joined.length / zone), _ENOUGH_POINTS)
-    return [SampledWay(joined, max(points * len(ways), enough))]
+    needed = min(int(_POINTS_PER_ZONE * joined.length / zone), _MOST_POINTS_FOR_ZONES)
+    return [SampledWay(joined, max(points * len(ways), needed))]
 
 
 def points_of(how: How, default: int) -> int:

@@ -326,7 +326,7 @@ class Program(Strict):
             where: name of the program for error messages.
 
         Raises:
-            InvalidConfig: the text is damaged.
+            InvalidConfig: the text is damaged, or an entry is wrong.
             InvalidParameter: the text is no mapping.
         """
         content = parse_yaml(text, where)

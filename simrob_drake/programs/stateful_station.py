@@ -381,7 +381,8 @@ class StatefulStation(ABC):
 
     def play(self, duration: float) -> SimulationResult:
         """Run the station for a time [s] while all robots follow the references of its file, from where they are."""
-        # The references depend on the station's file, so another station cannot repeat them.
+        # The references depend on the station's file, so another station cannot repeat them: no entry of a program's
+        # file can describe the run.
         self.tape.note(None)
         return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
 
@@ -499,12 +500,15 @@ class StatefulStation(ABC):
         self._change(with_efforts(self.config, self.robot(robot), efforts))
 
     def change(self, config: StationConfig) -> None:
-        """Continue from this state with a changed station, such as one with other gains.
+        """Continue from this state with a changed station, such as one with other gains. An open window shows it.
+
+        A recording that contains this change cannot be written as a program.
 
         Raises:
-            InvalidParameter: the station has other robots.
+            InvalidParameter: the station has other robots, or is no StationConfig.
         """
         self._change(config)
+        # No entry of a program's file can describe the change.
         self.tape.note(None)
 
     def _change(self, config: StationConfig) -> None:

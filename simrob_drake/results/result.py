@@ -397,7 +397,7 @@ def join_runs(
 
     The result has the signals that all runs have, and the pose ``piece.<piece>`` of each handed-over piece. At a time
     at which one run ends and the next one begins, the values are those of the next one. Recordings show contact forces
-    only if there is a single run.
+    only if there is a single run, and no piece is handed over.
 
     Args:
         runs: the runs, in order. Each begins in the state in which the one before ended.
@@ -424,15 +424,18 @@ def join_runs(
 
     # As one run, the program lasts from the begin of its first run to the end of its last one.
     last = runs[-1]
-    begins = begins_of(*runs).round(_TIME_DECIMALS)
+    # Begin of each run, and then the end of the last one: one entry more than runs.
+    boundaries = begins_of(*runs).round(_TIME_DECIMALS)
+    begins = boundaries[:-1]
+    ends = boundaries[1:]
     handed_over = _handed_over_pieces(stations)
-    config = last.config.model_copy(update={"duration": float(begins[-1])})
+    config = last.config.model_copy(update={"duration": float(ends[-1])})
     if handed_over:
         config = _with_free_pieces(config, handed_over)
     motion = _ProgramMotion(runs, config, handed_over)
 
     # Times of a program count from the begin of its first run.
-    shifts = [begin - run.start_time for run, begin in zip(runs, begins[:-1].tolist(), strict=True)]
+    shifts = [begin - run.start_time for run, begin in zip(runs, begins.tolist(), strict=True)]
     # The last sample of each run but the last one is left out: the first sample of the next run replaces it.
     kept = [slice(None, -1)] * (len(runs) - 1) + [slice(None)]
     times = [run.times[part] + shift for run, part, shift in zip(runs, kept, shifts, strict=True)]
@@ -446,7 +449,7 @@ def join_runs(
         last,
         config=config,
         plant=motion.plant,
-        message=_end_of_program(last, len(runs), float(begins[-2])),
+        message=_end_of_program(last, len(runs), float(begins[-1])),
         times=np.concatenate(times),
         step_times=np.concatenate([[0.0], *step_times]),
         positions_at=motion.positions_at,
@@ -463,7 +466,7 @@ def join_runs(
         moves=(),
         runs=tuple(runs),
         begun=first_station,
-        marks=tuple(_marks(runs, stations, ends=begins[1:])),
+        marks=tuple(_marks(runs, stations, ends=ends)),
         move_spans=tuple(move_spans),
         program=program,
         trace=None,  # the states of the runs belong to different diagrams

@@ -36,7 +36,7 @@ from simrob_drake.stations.config import (
 )
 from simrob_drake.stations.coupled import coupled_axes, mimic_gears, starting_positions
 from simrob_drake.stations.prescribed import with_prescribed_axes
-from simrob_drake.stations.resolved_pieces import resolved_pieces, tool_in_use
+from simrob_drake.stations.resolved_pieces import held_pieces, resolved_pieces, tool_in_use
 from simrob_drake.stations.servos import (
     check_drives,
     check_motors,
@@ -380,7 +380,8 @@ def _robot(
         problem = message("stations.has_no_feet", "{model} has no feet", model=model.name)
         raise Unsuitable(f"robots.{name}.feet", problem)
     carried = tuple(piece.name for piece in pieces.values() if piece.carrier == name)
-    held = _held_pieces(config, name, model, pieces)
+    carriers = {piece.name: piece.carrier for piece in pieces.values()}
+    held = held_pieces(config, carriers, name, model.tools)
     # Each carried piece is a tool, too, whose frame is its tool centre point.
     tool_frames = {**model.tools, **{piece: f"{piece}_{TCP}" for piece in carried}}
     # A link of the robot may be the tool as well, such as a foot.
@@ -440,26 +441,3 @@ def _check_axis_values(
     for key, value in values.items():
         if value is not None:
             model.axis_vector(value, key)
-
-
-def _held_pieces(
-    config: StationConfig,
-    robot: str,
-    model: RobotModel,
-    pieces: Mapping[str, ResolvedPiece],
-) -> tuple[str, ...]:
-    """Names of the pieces that a robot holds by its tools, directly or through other pieces.
-
-    The other pieces that it carries are worn: they are mounted on links that are no tools, such as a backpack.
-    """
-    held: list[str] = []
-    worn: list[str] = []
-    for piece in pieces.values():
-        if piece.carrier != robot:
-            continue
-        # Only a piece that is directly on the robot has a frame of the robot.
-        frame = config.pieces[piece.name].frame if piece.parent == robot else None
-        is_on_link = frame is not None and frame not in model.tools
-        is_worn = piece.parent in worn or is_on_link
-        (worn if is_worn else held).append(piece.name)
-    return tuple(held)

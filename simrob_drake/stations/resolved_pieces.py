@@ -4,7 +4,7 @@ A piece is mounted on its *parent*: the world, a robot or another piece. Its *ca
 chain of parents, or the world.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName, Unsuitable, one_of
@@ -281,6 +281,34 @@ def _mount(
     kind = message("stations.frame_of", "frame of {parent}", parent=parent)
     name = one_of(kind, frame or TCP, pieces[parent].frame_poses)
     return f"{parent}_{name}"
+
+
+def held_pieces(
+    config: StationConfig, carriers: Mapping[str, str], robot: str, own_tools: Collection[str]
+) -> tuple[str, ...]:
+    """Names of the pieces that a robot holds by its tools, directly or through other pieces.
+
+    The other pieces that it carries are worn: they are mounted on links that are no tools, such as a backpack, or on
+    pieces that are worn.
+
+    Args:
+        config: configuration of the station.
+        carriers: carrier of each piece by name, each piece after its parent; see :func:`carriers_of`.
+        robot: name of the robot.
+        own_tools: names of the robot's own tools.
+    """
+    held: list[str] = []
+    worn: list[str] = []
+    for piece, carrier in carriers.items():
+        if carrier != robot:
+            continue
+        parent = config.pieces[piece].parent
+        # Only a piece that is directly on the robot has a frame of the robot.
+        frame = config.pieces[piece].frame if parent == robot else None
+        is_on_link = frame is not None and frame not in own_tools
+        is_worn = parent in worn or is_on_link
+        (worn if is_worn else held).append(piece)
+    return tuple(held)
 
 
 def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None) -> str:

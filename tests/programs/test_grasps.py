@@ -162,6 +162,25 @@ class TestOnLinks:
         with pytest.raises(UnknownName, match="did you mean 'trunk'"):
             robot.attach("pack", "trnk")
 
+    @pytest.mark.parametrize("tool", ["right_hand", "bottle"])
+    def test_what_is_put_into_a_backpack_is_no_tool(self, tool):
+        """Nor is the backpack the tool of a robot whose tool was taken out of it."""
+        pack = {
+            "model": "parcel",
+            "parent": "robot",
+            "frame": "trunk",
+            "pose": [0, 0.09, 0, 0, 0, 0],
+        }
+        bottle = {"model": "parcel", "parent": "world", "pose": [0, 0.09, 0.6, 0, 0, 0]}
+        robot = LeggedRobot(
+            load_station("humanoid_dynamic", {"pieces.pack": pack, "pieces.bottle": bottle})
+        )
+        robot.cell.attach("bottle", "pack", pose=[0, 0, 0.1, 0, 0, 0])
+        assert robot.cell.robot("robot").tcp == "right_hand"
+        robot.cell.tool("robot", tool)
+        robot.cell.attach("bottle", "world")
+        assert robot.cell.robot("robot").tcp == "right_hand"
+
     def test_a_quadruped_carries_on_its_trunk(self):
         robot = LeggedRobot(
             load_station(

@@ -110,6 +110,43 @@ def test_a_robot_with_its_own_servo_section_gets_its_own_key():
     assert remedy.setting == "robots.left.servo.feedforward=gravity"
 
 
+@pytest.mark.parametrize("section", ["robot", "robots.left"])
+def test_the_remedies_of_an_only_robot_with_sections_of_its_own_have_keys_that_act(section):
+    """The station's own `servo` has no effect on such a robot, and its `reference` alone is not complete."""
+    station = {"name": "own_sections", "duration": 1.0}
+    servo = {
+        f"{section}.model": "irb120",
+        f"{section}.servo": {"kp": 300, "kd": 20},
+        f"{section}.initial_deg": {"joint_2": 60},
+        "reference": {"kind": "hold"},
+    }
+    sag = remark_about(simulate(load_station(station, servo), progress=False), "joint_2 ended")
+    assert sag.remedy.setting == f"{section}.servo.feedforward=gravity"
+    held = load_station(station, with_remedy(servo, sag))
+    assert held.servo_of(held.only_robot).feedforward == "gravity"
+
+    ramp = {"kind": "ramp", "target_deg": {"joint_1": 80}, "duration": 0.05}
+    fast = {f"{section}.model": "irb120", f"{section}.reference": ramp}
+    speed = remark_about(simulate(load_station(station, fast), progress=False), "of its speed")
+    assert speed.remedy.key == f"{section}.reference.duration"
+    slower = load_station(station, with_remedy(fast, speed))
+    assert slower.reference_of(slower.only_robot).duration == speed.remedy.value > 0.05
+
+
+@pytest.mark.parametrize("section", ["robot", "robots.left"])
+def test_the_start_of_an_only_robot_has_the_key_of_its_section(section):
+    away = {
+        f"{section}.model": "irb120",
+        f"{section}.initial_deg": {"joint_5": 90},
+        "reference": AWAY["reference"],
+    }
+    station = {"name": "own_sections", "duration": 0.2}
+    error = remark_about(simulate(load_station(station, away), progress=False), "joint_5 was")
+    assert error.remedy.key == f"{section}.initial_deg"
+    begun = load_station(station, with_remedy(away, error))
+    assert begun.robots[begun.only_robot].initial_deg == error.remedy.value
+
+
 def test_boxes_that_sink_into_each_other_get_a_stiffer_contact():
     board = {"parent": "world", "pose": [-0.2, -0.2, 0.1, 0, 0, 0]}
     box = {"model": "box_on_corners", "free": True, "pose": [0, 0, 0.201, 0, 0, 0]}

@@ -178,6 +178,7 @@ class ClimbPath:
             )
 
         facing = np.deg2rad(walker.gaits.facing_deg)
+        # Robots on two feet stand on soles. FEET are the names of the two, of which only the count matters here.
         kind = SoleFootholds if len(feet) == len(FEET) else BallFootholds
         footholds = kind(gait, feet, height, distance)
         return cls(gait, feet, facing, origin, heading, footholds)

@@ -57,7 +57,9 @@ class GetUpMove(Move):
     def station(self, config: StationConfig, robot: str) -> StationConfig:
         """Make a copy of a station in which a robot gets up.
 
-        A controller for getting up replaces the robot's other controllers, and no monitor watches for its fall.
+        A controller for getting up replaces the robot's loop controllers, except for a loop above all others, such as
+        motor protection. No monitor watches for the robot's fall. A solver that holds references over a step gets
+        short steps.
 
         Args:
             config: the station.
@@ -68,7 +70,7 @@ class GetUpMove(Move):
         """
 
         def is_replaced(section: object) -> bool:
-            """Whether a controller acts on the robot. Those above all others, such as an operator's, stay."""
+            """Whether a controller is a loop of the robot, and not above all others as motor protection is."""
             if not isinstance(section, LoopSection) or section.uppermost:
                 return False
             return (section.robot or config.only_robot) == robot

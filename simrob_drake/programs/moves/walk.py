@@ -61,30 +61,32 @@ class GaitMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Plan the motion as a check, and return the stage that runs it.
 
-        The stage uses this plan if nothing has changed by then that the plan depends on. Otherwise it plans again.
+        The first run of the stage uses this plan if nothing has changed by then that the plan depends on. Otherwise,
+        and in each further run, the stage plans again.
         """
+        # A gait leaves arms (axes in no leg) where earlier moves have put them: its plan depends on their positions.
         arms_at_check = taught_arms(robot)
-        motion = self.plan_motion(robot, outlook.station)
-        # The plan is taken out of the list when it runs, so that its memory is freed.
-        plans = [motion]
-        # An earlier move may change the load, or the heading on a slope: then this plan was a check only.
+        # The plan of the check, as long as it is valid. It is taken out of the list when it runs, which frees its
+        # memory. If the list is empty, the stage plans again.
+        valid_plans = [self.plan_motion(robot, outlook.station)]
+        # If an earlier move changes the load, or the heading on a slope, this plan is a check only.
         if outlook.changed or resolve(outlook.station).ground.incline:
-            plans.clear()
-        del motion
+            valid_plans.clear()
 
-        def run_stage(robot: LeggedGeometry) -> SimulationResult:
+        def run_stage(moving_robot: LeggedGeometry) -> SimulationResult:
             """Run the gait from where the robot is."""
-            # A gait leaves arms where earlier moves have put them, so the plan depends on their positions.
-            if taught_arms(robot) != arms_at_check:
-                plans.clear()
+            if taught_arms(moving_robot) != arms_at_check:
+                valid_plans.clear()
             # The plan has no name here, so that `perform` can free it before the run.
-            result = perform(robot, plans.pop() if plans else plan_again(robot))
+            result = perform(
+                moving_robot, valid_plans.pop() if valid_plans else plan_again(moving_robot)
+            )
             return replace(result, did=self.caption())
 
-        def plan_again(robot: LeggedGeometry) -> JointMotion:
+        def plan_again(moving_robot: LeggedGeometry) -> JointMotion:
             """Plan the motion for the present station."""
             with naming(name):
-                return self.plan_motion(robot, robot.cell.config)
+                return self.plan_motion(moving_robot, moving_robot.cell.config)
 
         return run_stage
 

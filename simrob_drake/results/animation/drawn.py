@@ -140,7 +140,7 @@ def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
 
 
 def frame_poses(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple[str, list[float]]]:
-    """Yield the path of each frame in Meshcat's tree, under a prefix, and its pose.
+    """Yield the path of each frame below its scene in Meshcat's tree, and its pose in the world.
 
     The pose is a homogeneous matrix, 16 numbers column by column, as Meshcat expects it.
     """
@@ -243,7 +243,9 @@ def compared_ghost(scene: ViewedStation, positions: Vector | None) -> list[Comma
 def _copies(
     scene: ViewedStation, path: str, looks: Mapping[str, Any], own: ModelInstanceIndex | None = None
 ) -> Iterator[Command]:
-    """Yield the commands that copy the visible shapes of moving bodies to their present poses.
+    """Yield the commands that copy the visible shapes of moving bodies to their present poses in the world.
+
+    Each copy gets its pose as 16 numbers, as :func:`frame_poses` gives them.
 
     Args:
         scene: the scene in its present configuration.
@@ -262,6 +264,7 @@ def _copies(
         is_chosen = own is None or body_of_frame.model_instance() == own
         if is_chosen and inspector.NumGeometriesForFrameWithRole(frame, Role.kIllustration):
             moving.append(frame)
-    for body, matrix in frame_poses(scene.query(), moving):
-        yield {"type": "copy", "path": f"{path}/{body}", "source": f"{SHOWN}/{body}", **looks}
-        yield {"type": "set_transform", "path": f"{path}/{body}", "matrix": matrix}
+    for body_path, matrix in frame_poses(scene.query(), moving):
+        source = f"{SHOWN}/{body_path}"
+        yield {"type": "copy", "path": f"{path}/{body_path}", "source": source, **looks}
+        yield {"type": "set_transform", "path": f"{path}/{body_path}", "matrix": matrix}

@@ -242,7 +242,10 @@ class Window(Board):
     """
 
     def __init__(self, controls: dict[str, Control] | None = None) -> None:
-        """Start the server, for a page with controls by name. No browser is opened."""
+        """Start the server, for a page with controls by name. No browser is opened.
+
+        The server takes the first free port from 7000 to 7099, or any free one if these are all in use.
+        """
         super().__init__(controls)
         self._server = _server(self)
         self.path = f"/{secrets.token_urlsafe(9)}/"

@@ -436,8 +436,11 @@ class Routing:
         width_of_head = _HEAD if net.both else 0.0
         lines = Lines(label=Point(begin.x + _LABEL + width_of_head, begin.y - _LABEL_HEIGHT))
 
+        # The trunk of this net in each channel that it reaches.
         trunks = {
-            channel: trunks[index] for channel, trunks in enumerate(self._trunks) if index in trunks
+            channel: trunk_by_net[index]
+            for channel, trunk_by_net in enumerate(self._trunks)
+            if index in trunk_by_net
         }
         trunk_x = {
             channel: self._track_starts[channel] + _TRACK * trunk.track

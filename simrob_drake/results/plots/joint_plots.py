@@ -438,6 +438,9 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
 def _set_path_limits(axes: Axes, path: Vector) -> float:
     """Set the limits of a frame around a path (2, m) [m], with the same scale of both axes.
 
+    The path is in the middle. In the direction in which it fills the picture more, a tenth of the picture is free on
+    each side; a path of a few centimetres leaves more.
+
     Returns:
         the width of the picture [m].
     """
@@ -445,7 +448,7 @@ def _set_path_limits(axes: Axes, path: Vector) -> float:
     relative_size = np.array([frame.width, frame.height]) / frame.width
     low = path.min(axis=1)
     high = path.max(axis=1)
-    # The picture is wide enough for the path in both directions, with an eighth of it free on each side.
+    # An eighth of the path on each side is a tenth of the picture. The larger need of both directions counts.
     width = max(1.25 * float(((high - low) / relative_size).max()), _NARROWEST)
     left, bottom = (low + high - width * relative_size) / 2
     right, top = (low + high + width * relative_size) / 2

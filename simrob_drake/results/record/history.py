@@ -179,6 +179,9 @@ class Recorder:
     def history(self, count: int | None = None) -> "StateHistory":
         """The recorded states, up to the last one before the first that has diverged, and at least row 0.
 
+        A state has diverged if a value is NaN, or finite with an absolute value of at least RUNAWAY. Infinite values
+        are regular: blocks store them for "not yet".
+
         Args:
             count: largest count of rows. If it is None, all rows are taken.
         """

@@ -37,6 +37,8 @@ def remarks_of(run: RecordedRun) -> list[str]:
 def _remarks(run: RecordedRun, begin: float) -> Iterator[str]:
     """Yield the remarks of the controllers of one run: the times at which an output with a remark was not zero.
 
+    A remark lists the first three spans of time. The others are counted.
+
     Args:
         run: the run.
         begin: time at which it began, since the beginning of the whole program [s]; for a single run its start.

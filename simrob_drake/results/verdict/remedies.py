@@ -17,6 +17,7 @@ from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
+from simrob_drake.stations.config import NAME_OF_ONLY_ROBOT
 from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.stations.start_jump import axes_off_reference, jump_text
 
@@ -404,8 +405,10 @@ def _presses_on_something(
 
 
 def _robot_key(run: RecordedRun, robot: StationRobot) -> str:
-    """Key of the section of a robot."""
-    return "robot" if run.config.only_robot else f"robots.{robot.name}"
+    """Dotted key of the section of a robot: ``robot``, or ``robots.<name>``."""
+    # A station whose only robot has another name has the section `robots`, too.
+    has_short_form = list(run.config.robots) == [NAME_OF_ONLY_ROBOT]
+    return NAME_OF_ONLY_ROBOT if has_short_form else f"robots.{robot.name}"
 
 
 def _round_position(value: float) -> float:
@@ -415,20 +418,15 @@ def _round_position(value: float) -> float:
 
 
 def _servo_key(run: RecordedRun, robot: StationRobot, key: str) -> str:
-    """Dotted key of the servo section that is valid for a robot."""
+    """Dotted key of an entry of the servo section that a robot uses: its own one, or the station's."""
     has_own_section = run.config.robots[robot.name].servo is not None
-    return f"{_section_of(run, robot) if has_own_section else ''}servo.{key}"
-
-
-def _section_of(run: RecordedRun, robot: StationRobot) -> str:
-    """Start of the dotted keys of a robot's own section. Empty if the station has a single robot."""
-    return "" if run.config.only_robot else f"robots.{robot.name}."
+    return f"{_robot_key(run, robot)}.servo.{key}" if has_own_section else f"servo.{key}"
 
 
 def _with_longer_reference(
     run: RecordedRun, robot: StationRobot, text: str, factor: float
 ) -> Remedy:
-    """Remedy that makes the motion longer: with a key if the motion is the reference of the station.
+    """Remedy that makes the motion longer: with a key if the motion is a reference in the station's file.
 
     Args:
         run: the run.
@@ -441,7 +439,7 @@ def _with_longer_reference(
     if duration is None or run.references.get(robot.name) is not None or run.did:
         return Remedy(text)  # a program, or Python code, decides how the robot moves
     has_own_section = run.config.robots[robot.name].reference is not None
-    section = _section_of(run, robot) if has_own_section else ""
+    section = f"{_robot_key(run, robot)}." if has_own_section else ""
     longer = _readable(factor * duration)
     # A motion that outlasts the run would not reach its target: then the user chooses both durations.
     fits = getattr(reference, "start", 0.0) + longer <= run.config.duration

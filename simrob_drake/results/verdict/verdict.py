@@ -248,7 +248,10 @@ class Measure:
 
     @cached_property
     def worst(self) -> MeasuredValue:
-        """The entry that violates its bound most, or is nearest to it.
+        """The entry that violates its bound most, or is nearest to it, each in comparison with its own bound.
+
+        Values that have no bound, or the bound 0, are compared as they are. If smaller values are worse, it is the
+        entry with the smallest value of those that violate their bounds, or of all if none does.
 
         If all subjects are left out, it is an entry with an empty subject and the value 0.
         """
