@@ -15,7 +15,8 @@ FOLDER = "reference"
 GROUPS = {
     "Stations": ["load_station", "station_names", "StationConfig", "Station", "build_station", "add_station",
                  "StationPorts", "apply_solver"],
-    "Runs": ["simulate", "simulate_diagram", "Runner", "RunBranch", "SimulationResult", "State"],
+    "Runs": ["simulate", "simulate_diagram", "Runner", "RunBranch", "SimulationResult", "State", "FailedRunWarning"],
+    "Saved results": ["load_result", "SavedResult", "plot_results"],
     "Programs": ["Arm", "Workcell", "LeggedRobot", "Program"],
     "A plant of your own": [
         "add_world", "place_station", "PlacedStation", "add_joint_servos", "JointServos", "Motor", "add_monitor",
