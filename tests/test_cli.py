@@ -431,7 +431,7 @@ TABLES = {
     "a short row": ("time,joint_1,joint_2\n0,0,0\n1,0\n", "line 3"),
     "unsorted times": (
         "time,joint_1,joint_2\n1,0,0\n0,0,0\n",
-        "line 3: time 0 s after 1 s; times must rise",
+        "line 3: time 0 s follows 1 s; times must increase",
     ),
     "nan": (
         "time,joint_1,joint_2\n0,0,0\n1,nan,0\n",

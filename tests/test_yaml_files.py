@@ -7,8 +7,9 @@ import pytest
 from pydantic import Field
 
 from simrob_drake.base.errors import InvalidConfig
+from simrob_drake.base.messages import compound, in_language
 from simrob_drake.base.sections import Number, Strict, validate_section
-from simrob_drake.base.yaml_files import parse_yaml, read_yaml
+from simrob_drake.base.yaml_files import parse_yaml, place_of, read_yaml
 
 
 class Slow(Strict):
@@ -209,3 +210,13 @@ def test_a_binary_file_is_named(tmp_path: Path) -> None:
     file.write_bytes(b"\x89PNG\xff\xfe")
     with pytest.raises(InvalidConfig, match=r"station\.yaml: cannot be read"):
         read_yaml(file)
+
+
+def test_an_index_into_an_empty_list_says_that_the_list_is_empty():
+    """The error names no range of indices, which an empty list does not have."""
+    with pytest.raises(
+        InvalidConfig, match=r"moves\.0: has no entry '0'; the list is empty$"
+    ) as error:
+        place_of({"moves": []}, ["moves", "0"], "station.yaml")
+    spanish = in_language(compound("{problem}", problem=error.value), "es")
+    assert spanish.endswith("moves.0: no tiene la entrada '0'; la lista está vacía")

@@ -373,16 +373,19 @@ def place_of(content: Any, key: list[str], where: Path | str) -> tuple[Any, str]
     for depth, part in enumerate(key):
         whole = ".".join(key[: depth + 1])
         if isinstance(node, list) and not (part.isdecimal() and int(part) < len(node)):
-            raise InvalidConfig(
-                where,
-                whole,
-                message(
-                    "base.no_such_entry",
-                    "has no entry '{part}'; the entries are 0 to {last}",
-                    part=part,
-                    last=len(node) - 1,
-                ),
+            problem = message(
+                "base.no_such_entry",
+                "has no entry '{part}'; the entries are 0 to {last}",
+                part=part,
+                last=len(node) - 1,
             )
+            if not node:
+                problem = message(
+                    "base.no_entry_in_empty_list",
+                    "has no entry '{part}'; the list is empty",
+                    part=part,
+                )
+            raise InvalidConfig(where, whole, problem)
         if not isinstance(node, dict | list):
             raise InvalidConfig(
                 where,

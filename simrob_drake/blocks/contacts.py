@@ -93,7 +93,7 @@ class Contacts:
 
     @classmethod
     def concatenate(cls, instants: "Sequence[Contacts]") -> "Contacts":
-        """Join the contacts of several moments in time into one list, one moment after the other."""
+        """Join the contacts of one or several moments in time into one list, one moment after the other."""
         return cls(
             [pair for contacts in instants for pair in contacts.pairs],
             points=np.vstack([contacts.points for contacts in instants]),
@@ -220,7 +220,8 @@ class ForceSensor(Block):
             body: shapes of the body on which the force is measured.
             other: shapes that exert the force. If it is None, all shapes count but those of the body.
             frame: frame of the measured wrench. If it is None, the world's frame is used.
-            normal_only: whether friction is left out, for solvers whose tangential forces cannot be trusted.
+            normal_only: whether friction is left out, for solvers whose tangential forces cannot be trusted. The
+                moments :math:`m_i` of contact surfaces are then left out, too.
         """
         super().__init__()
         frame = plant.world_frame() if frame is None else frame

@@ -192,7 +192,8 @@ def cruise_in(duration: float, *, rounded: bool) -> TimeLaw:
     """
     # In the duration 1 with ramps of r at each end, the length 1 is v (1 - r).
     speed = 1 / (1 - _RAMP_SHARE)
-    # A trapezoid's ramp lasts v / a, and that of an S-curve LONGEST_RAMP times as long. This acceleration makes it r.
+    # With the acceleration a, a trapezoid's ramp lasts v / a, and the ramp of an S-curve without a given jerk lasts
+    # LONGEST_RAMP v / a. A ramp of the time r therefore needs a = v / r, or LONGEST_RAMP v / r.
     acceleration = speed / _RAMP_SHARE * (LONGEST_RAMP if rounded else 1.0)
     return cruise(1.0, speed, acceleration, None if rounded else np.inf).slower(duration)
 

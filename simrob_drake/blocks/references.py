@@ -23,7 +23,7 @@ from pydrake.trajectories import (
     Trajectory,
 )
 
-from simrob_drake.base.arguments import SHORTEST
+from simrob_drake.base.arguments import SHORTEST, seconds
 from simrob_drake.base.errors import InvalidParameter, Unsuitable
 from simrob_drake.base.frames import Vector, numbers
 from simrob_drake.base.messages import message
@@ -71,9 +71,9 @@ class ReferenceSignal(ABC):
     @property
     @abstractmethod
     def player_key(self) -> Hashable:
-        """Identifies the source that plays the reference in a diagram.
+        """Key of the source that plays the reference in a diagram.
 
-        A source can play another reference instead if its key is equal.
+        The source can play another reference instead if the keys of both references are equal.
         """
 
     @property
@@ -180,7 +180,7 @@ class SineReference(ReferenceSignal):
 
     @property
     def player_key(self) -> Hashable:
-        """A source plays one sine only: the key consists of all parameters."""
+        """Key that is equal for sines of equal parameters only, as a source cannot play another sine."""
         parameters = [self.centre, self.amplitude, self.phase]
         # Arrays and lists have no hash, tuples do.
         entries = [tuple(np.asarray(values).tolist()) for values in parameters]
@@ -473,8 +473,19 @@ def move(
     duration: float,
     start_time: float = 0.0,
 ) -> Trajectory:
-    """Trajectory from a start to a target, each (n,) [rad], from rest to rest with continuous acceleration."""
-    return sequence(start, [start_time + duration], [target], start_time=start_time)
+    """Trajectory from a start to a target, from rest to rest with continuous acceleration.
+
+    Args:
+        start: positions at the start, shape (n,) [rad].
+        target: positions at the end, shape (n,) [rad].
+        duration: duration of the motion [s].
+        start_time: time at which the motion starts [s].
+
+    Raises:
+        InvalidParameter: the duration is no number, shorter than SHORTEST, or longer than LONGEST.
+    """
+    arrival = start_time + seconds(duration)
+    return sequence(start, [arrival], [target], start_time=start_time)
 
 
 def sequence(

@@ -233,20 +233,22 @@ class ServoGains:
 
     @property
     def actuator_limit(self) -> Vector:
-        """Torque limits of the plant's actuators, shape (n,) [N·m]: the stall torque if the joint has the damper."""
+        """Torque limits of the plant's actuators, shape (n,) [N·m].
+
+        The limit is the stall torque if the axis's joint has a damper that makes the motor's torque fall with the speed
+        (:attr:`MotorLine.damping` is above 0); otherwise it is the torque limit of the servo.
+        """
         if self.line is None:
             return self.torque_limit
-        # Where the joint has the damper D, the damper makes the torque fall with the speed, and the
-        # servo has the constant limit tau_s.
         return np.where(self.line.damping > 0, self.line.stall, self.torque_limit)
 
     def __post_init__(self) -> None:
         """Check the values.
 
         Raises:
-            InvalidParameter: a gain is negative or beyond `LARGEST_GAIN`, or is not 0 although the axis is passive; a
-                limit is negative; the integral limit of an axis with a motor is 0; or a gain kp or kd is 0 in a
-                cascade.
+            InvalidParameter: a gain is negative, not a number or above `LARGEST_GAIN`; a torque limit is not positive,
+                except 0 for a passive axis whose gains are all 0; the integral limit of an axis with a motor is
+                not positive; or, in a cascade (which has a `speed_limit`), a speed limit, kp or kd is not positive.
         """
         for name in ("kp", "ki", "kd"):
             values = getattr(self, name)

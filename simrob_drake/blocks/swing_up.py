@@ -321,11 +321,11 @@ class SwingUp(SampledBlock):
             )
             raise InvalidParameter("torque_limit", quote_value(torque_limit), expected)
         self.units = {"feedforward": "N·m", "energy": "J"}
-        one = np.zeros(1)
+        zero = np.zeros(1)
         super().__init__(
             period=period,
             reads={"position": count, "velocity": count},
-            memory={"feedforward": np.zeros(count), "energy": one, "balancing": one},
+            memory={"feedforward": np.zeros(count), "energy": zero, "balancing": zero},
             gives=("feedforward", "energy", "balancing"),
         )
         self._dynamics = AxisDynamics(plant, axes)

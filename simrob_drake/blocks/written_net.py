@@ -338,9 +338,9 @@ class WrittenNet:
         names = self._output_variables(number)
         indent = ""
         if number in self._every:
-            # After its states, the variables of a sampled block are those of the output that it
-            # holds.
+            # The block's variables are its states, then the output that it holds.
             held = self._variables[number][len(block.start) :]
+            # The block takes a sample if n is a multiple of its steps: then the remainder is 0, which counts as false.
             self._write(number, f"if n is None or n % {self._every[number]}:")
             self._write(number, f"  {_tuple_of(names)} = {_tuple_of(held)}")
             self._write(number, "else:")

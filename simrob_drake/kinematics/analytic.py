@@ -165,12 +165,19 @@ class AnalyticSolver(Solver):
         return form, turned, beyond
 
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
-        """Choose the posture of each target that is closest to the target's own start."""
+        """Choose the posture of each target that is closest to the target's own start.
+
+        Postures that reach the target within the limits come before all others, see :meth:`_penalty`.
+
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            starts: postures, shape (k, n) [rad].
+        """
         form, postures, beyond = self._branches(targets, starts, self._allowed)
         difference = postures - starts[:, np.newaxis]
         squared_distance = np.square(difference).sum(axis=-1)
         choices = np.argmin(squared_distance + self._penalty(form, beyond), axis=1)
-        # The closed form has all eight postures, and the choices count the allowed ones.
+        # A choice is an index among the allowed postures, but `form` has all eight: the allowed ones are taken first.
         rows = np.arange(len(targets))
         out_of_reach = form.out_of_reach[:, self._allowed]
         return self._check_solutions(

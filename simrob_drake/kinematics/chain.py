@@ -501,7 +501,12 @@ def joints_between(plant: MultibodyPlant, base: Frame, tool: Frame) -> list[tupl
 
 
 def _joints_to_world(inboard_joints: dict[int, Joint], frame: Frame) -> list[Joint]:
-    """Joints from a frame to the world, by the joint that carries each body."""
+    """List the joints, welds included, from a frame back to the world, the one next to the frame first.
+
+    Args:
+        inboard_joints: the joint that carries each body, by the index of the body.
+        frame: the frame.
+    """
     joints = []
     body = frame.body()
     while body.index() in inboard_joints:

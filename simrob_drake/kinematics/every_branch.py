@@ -41,10 +41,10 @@ _STEPS = 25
 """Largest count of steps from one start. Starts that need more seldom lead to a target at all."""
 
 _EXACT = np.array([1e-10, 1e-10])
-"""Errors of position [m] and rotation [rad] at which a search from one start ends."""
+"""Distance [m] and angle [rad] from the target within which a search from one start ends."""
 
 _REACHED = np.array([1e-8, 1e-8])
-"""Errors of position [m] and rotation [rad] up to which a posture counts as one of the target."""
+"""Distance [m] and angle [rad] from the target up to which a posture counts as one of the target."""
 
 _SAME = 1e-3
 """Largest difference of axes between two results that are one posture [rad or m]. Where two roots meet, a search loses
@@ -63,7 +63,7 @@ _LONGEST_FAMILY_STEP = 0.3
 """Longest step of one axis along a family of postures [rad or m]."""
 
 _ALL_ERRORS = np.ones(6)
-"""Weights of the errors along and about x, y, z: all count."""
+"""Weights of the errors along and about x, y, z: all are parts of the distance and the angle from a target."""
 
 
 def branches(
@@ -113,7 +113,7 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
     """Find different postures within the limits that bring the tool to any of the targets, for a motion planner.
 
     For an arm with a closed form these are all postures. For other arms they are the postures that a hundred searches
-    in all find, one from the start and the others from random postures.
+    or a few more find, at least one for each target. One search begins at the start, and the others at random postures.
 
     Args:
         chain: the axes.
@@ -127,7 +127,8 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
     try:
         postures, is_good = AnalyticSolver(chain).postures(targets, start)
     except NoClosedForm:
-        # The planner needs one posture of any target, so that the targets share the searches of one round.
+        # The planner needs a posture of any one of the targets, so it is enough to share one round of searches among
+        # all targets.
         starts_per_target = ceil(_STARTS_PER_ROUND / len(targets))
         starts = random_postures(chain, starts_per_target * len(targets), seed)
         # The first search, for the first target, begins at the start of the motion.
@@ -209,14 +210,15 @@ def _closed_form_postures(chain: Chain, targets: Vector, start: Vector, moving: 
 
 
 def _refine(chain: Chain, targets: Vector, starts: Vector) -> list[Vector]:
-    """Refine postures that are close to those of their targets.
+    """Refine postures from the closed form by a search, and keep those that reach their targets.
 
-    The closed form ignores small deviations of an arm from its ideal geometry.
+    The closed form ignores small deviations of an arm from its ideal geometry. It also gives postures for targets that
+    are out of reach. These are not kept.
 
     Args:
         chain: the axes.
         targets: poses of the tool, shape (k, 4, 4).
-        starts: postures for each target, shape (k, s, n) [rad or m].
+        starts: postures from the closed form for each target, shape (k, s, n) [rad or m].
 
     Returns:
         for each target the different postures that reach it, shape (b, n).
@@ -234,10 +236,12 @@ def _fit_from(chain: Chain, targets: Vector, starts: Vector) -> tuple[Vector, Fl
         starts: postures from which the searches of each target start, shape (k, s, n) [rad or m].
 
     Returns:
-        the postures at which the searches end, shape (k, s, n), and whether each of them reaches its target, shape
-        (k, s).
+        the postures at which the searches end, shape (k, s, n), and whether each of them reaches its target as closely
+        as :data:`_REACHED`, shape (k, s).
     """
     starts_per_target = starts.shape[1]
+    # COARSE ends a search whose step takes away less than 1 % of the cost. Near a target the steps take away almost
+    # all of it, so such a search most likely does not lead there.
     fit = fit_postures(
         chain,
         np.repeat(targets, starts_per_target, axis=0),

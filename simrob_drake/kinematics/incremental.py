@@ -31,8 +31,8 @@ class IncrementalSolver(Solver):
     0.02 (Nakamura & Hanafusa, 1986), so that the arm passes singular postures. Joints stop at their limits.
 
     As in SimRob, the rotation to a point is followed only up to a limit. If a point would turn the tool by more, the
-    arm goes to the point without turning the tool. (SimRob compares with the sine of the angle, so that a half turn
-    passes there.)
+    arm goes to the point without turning the tool. Such a point counts as not reached, unless the limit is 0 and only
+    positions count. (SimRob compares with the sine of the angle, so that a half turn passes there.)
 
     Attributes:
         stray: distance by which points of a move may miss its line or arc [m].
@@ -87,6 +87,9 @@ class IncrementalSolver(Solver):
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Follow each of k targets from its own start.
 
+        A target that turns the tool by more than the limit keeps its error of rotation, and so counts as not reached,
+        unless the limit is 0.
+
         Args:
             targets: poses of the tool, shape (k, 4, 4).
             starts: postures, shape (k, n) [rad or m].
@@ -100,10 +103,11 @@ class IncrementalSolver(Solver):
         is_rotation_followed = (rotations <= self._limit) & (self._limit > 0)
         goals = targets.copy()
         goals[~is_rotation_followed, :3, :3] = poses_at_start[~is_rotation_followed, :3, :3]
+        # This changes `positions` in place.
         steps = self._follow(goals, positions)
 
-        # Targets that are out of reach only because limits are rounded. Indexing by rows copies, so the changed
-        # postures and errors are written back.
+        # Errors count against the targets themselves, with their rotations. Targets that are out of reach only because
+        # limits are rounded are accepted.
         errors = pose_errors(targets, self.chain.forward(positions))
         is_accepted = np.zeros(len(targets), dtype=bool)
         is_at_limit = (positions <= self.chain.lower) | (positions >= self.chain.upper)
@@ -111,6 +115,7 @@ class IncrementalSolver(Solver):
             ~self._within(errors) & is_rotation_followed & is_at_limit.any(axis=1)
         )
         if rows.size:
+            # Indexing by rows copies, so the changed postures and errors are written back.
             own_positions = positions[rows]
             own_errors = errors[rows]
             is_accepted[rows] = settle_at_limits(

@@ -198,7 +198,8 @@ def fit_postures(
         targets: poses of the tool, shape (k, 4, 4).
         starts: postures from which the searches start, clipped to the limits, shape (k, n) [rad or m].
         weights: weights of the errors along x, y, z and about x, y, z, not negative, shape (6,).
-        tolerance: a search ends if all errors with a weight are below this, shape (2,) [m, rad].
+        tolerance: a search ends if the distance and the angle from its target are within this, shape (2,) [m, rad].
+            Errors without a weight are no parts of them.
         iterations: largest count of steps of each search.
         flat: a search ends if a step takes away less than this share of the cost.
         rivals: count of searches in a row that have the same target. All of them end if one reaches it.

@@ -81,9 +81,10 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
 
 
 def solver_for(chain: Chain, solver: SolverLike) -> Solver:
-    """Make the solver that a move names, or return the given solver. Searches get the finer tolerances of a path.
+    """Make the solver that a move names, or return the given solver.
 
-    ``"auto"`` selects the analytic solver or, if the arm has no closed form, the numeric one.
+    ``"auto"`` selects the analytic solver or, if the arm has no closed form, the numeric one. A numeric or incremental
+    solver that is made here gets the finer tolerances of a path; other solvers get the default values of their options.
 
     Args:
         chain: chain of joints whose axes the solver moves.
@@ -93,6 +94,7 @@ def solver_for(chain: Chain, solver: SolverLike) -> Solver:
         UnknownName: there is no such solver.
         NoClosedForm: the move names the analytic solver, and the arm has no closed form.
         InvalidParameter: the given solver was made for another robot or tool.
+        BrokenExtension: the named solver is one of an extension that cannot be imported.
     """
     if isinstance(solver, Solver):
         # The home of a chain is the pose of its tool at zero, which differs between two tools. A solver made for

@@ -18,6 +18,7 @@ from pydrake.multibody.tree import (
     Joint,
     JointActuatorIndex,
     ModelInstanceIndex,
+    PrismaticJoint,
     RigidBody,
 )
 from pydrake.systems.framework import DiagramBuilder, InputPort, OutputPort
@@ -237,25 +238,36 @@ def add_joint_limit_monitor(
     upper = np.array([joint.position_upper_limit() for joint in found])
     # Indices of the joints' positions in the state, which begins with the positions of the whole plant.
     places = AxisMap.of_joints(plant, found).position_places
+    units = ["m" if isinstance(joint, PrismaticJoint) else "rad" for joint in found]
 
     def distances_beyond(state: Vector) -> Vector:
-        """Compute how far each joint is beyond its nearer limit, shape (n,); negative within the range."""
+        """Compute how far each joint is beyond its nearer limit moved inward by the margin, shape (n,)."""
         positions = state[places]
         return np.asarray(np.maximum(lower - positions, positions - upper) + margin)
 
     def excess(state: Vector) -> float:
-        """Compute how far the worst joint is beyond its limit."""
+        """Compute how far the worst joint is beyond its limit moved inward by the margin."""
         return float(distances_beyond(state).max())
 
     def why(state: Vector) -> str:
         """Name the joint and its position."""
         worst = int(np.argmax(distances_beyond(state)))
         position = float(state[places][worst])
+        if margin > 0:
+            return message(
+                "parts.joint_near_limit",
+                "{joint} came within {margin:g} {unit} of a joint limit, at {position:.4g} {unit}",
+                joint=names[worst],
+                margin=margin,
+                position=position,
+                unit=units[worst],
+            )
         return message(
             "parts.joint_at_limit",
-            "{joint} reached a joint limit at {position:.4g}",
+            "{joint} reached a joint limit at {position:.4g} {unit}",
             joint=names[worst],
             position=position,
+            unit=units[worst],
         )
 
     ports = {"state": plant.get_state_output_port()}

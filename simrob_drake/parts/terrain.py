@@ -395,6 +395,11 @@ class Terrain(Strict):
     def _grid(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         """Create the tiles of a grid. Neighbours of equal height in a row are one box.
 
+        Args:
+            middles: not used: the heights are given by row and column.
+            side: half of the field's width [m].
+            random: not used: the heights are given.
+
         Raises:
             InvalidConfig: the file cannot be read, or gives too many boxes.
         """
@@ -402,7 +407,8 @@ class Terrain(Strict):
         boxes = []
         for row, heights in enumerate(self.heights()):
             begin = self.start + row * self.size
-            right = -side  # heights go from right to left
+            # The heights of a row go from right to left. The y axis points to the left, so the row begins at -side.
+            right = -side
             for top, equal_heights in groupby(heights.tolist()):
                 left = right + len(list(equal_heights)) * self.size
                 boxes.append(self._slab((begin, begin + self.size), (right, left), top))

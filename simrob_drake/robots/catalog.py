@@ -399,7 +399,15 @@ class RobotModel(Strict):
 
     @property
     def accelerations(self) -> Vector:
-        """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite if no file gives one."""
+        """Largest acceleration of every axis, shape (n,) [rad/s² or m/s²]; infinite if no file gives one.
+
+        The key ``acceleration_deg`` of the robot's file replaces ``drake:acceleration`` of a joint's ``<limit>``.
+
+        Raises:
+            InvalidParameter: ``acceleration_deg`` is a list of the wrong length.
+            UnknownName: ``acceleration_deg`` names an axis that the robot does not have.
+        """
+        # A value that is missing is read as 0, and an acceleration of 0 counts as missing, too.
         own = np.array(
             [joint_value(joint, f"{DRAKE}acceleration") or np.inf for joint in self.joints]
         )
@@ -604,6 +612,7 @@ def load_robot_file(file: Path | str) -> RobotModel:
 
     Raises:
         InvalidConfig: the file has a wrong entry.
+        InvalidParameter: ``file`` is no path, or has characters that cannot be printed.
     """
     file = as_path(file, "file").resolve()
     name = file.parent.name if file.name == ROBOT_FILE and file.parent.name else file.stem

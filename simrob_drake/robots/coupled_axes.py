@@ -234,8 +234,9 @@ class CoupledAxes:
     def _eliminate(self, rows: Vector, firmness: Sequence[Firmness]) -> dict[int, int]:
         """Change rows, in place, so that each axis that gives way is left in one row only, with the ratio 1.
 
-        The method is Gauss-Jordan elimination, with pivots in the order in which axes give way. This choice of pivots
-        is the best one: no other choice of axes to solve for has lower firmness.
+        The method is Gauss-Jordan elimination, with pivots in the order in which axes give way. This choice of axes
+        to solve for has the lowest firmness: if the values of this choice and of any other one are sorted, each value
+        of this choice is at most the corresponding one of the other.
 
         Args:
             rows: the equations as in :meth:`_scaled_rows`; changed.

@@ -117,10 +117,10 @@ class DhRow(Strict):
             raise ValueError(
                 message(
                     "robots.dh_joint_has_both",
-                    "a {kind} joint has the keys {key} and {other_key}, and not those of the other kind",
+                    "a {kind} joint has the keys {key} and {speed_key}, and not those of the other kind",
                     kind=self.type,
                     key=limit_key,
-                    other_key=velocity_key,
+                    speed_key=velocity_key,
                 )
             )
         lower, upper = limits

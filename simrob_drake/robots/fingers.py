@@ -269,12 +269,17 @@ def mimic_line(follows: ET.Element) -> MimicLine:
 def _joints_that_follow(joints: Mapping[str, ET.Element]) -> _HandCandidate | None:
     """Find the joint that most others follow, with its followers.
 
-    Returns None if no joint follows another one, or if one of these joints has no limits.
+    Args:
+        joints: the joints that can move, by name.
+
+    Returns:
+        the candidate, or None if no joint follows another one of `joints`, or if the joint that most others follow
+        has no limits.
     """
     # For each leader: the travels of the leader and of its followers, by the joint's name.
     groups: dict[str, dict[str, _Travel]] = {}
     for name, joint in joints.items():
-        # The joint may follow no other joint, or one that does not move.
+        # Leave out joints that follow no other joint, or one that cannot move and is therefore not among `joints`.
         follows = joint.find(FOLLOWS)
         leader = "" if follows is None else follows.get("joint", "")
         if follows is None or leader not in joints:

@@ -100,7 +100,8 @@ class Stroke:
     def effort(self, opening: float) -> float:
         """Effort of each axis per newton with which each finger presses [N·m/N, or N/N], by virtual work.
 
-        A change of the opening moves each face by half of the change of the gap, and all axes by their travel:
+        All axes have the same effort. A change of the opening moves each face by half of the change of the gap, and
+        each axis by its share of `travel`, the sum over all axes. The work of both is equal:
         effort * travel = fingers * force * d(gap)/d(opening) / 2.
         """
         # A gap that does not change needs no effort. The least slope keeps the result positive: callers divide by it.
@@ -268,6 +269,7 @@ class _Hand:
         # Follow the two points of the faces that meet, each fixed to its tip. The origin of the grasp is in the middle
         # between them.
         self._open(meeting.opening)
+        # The direction leads from the first tip to the second, so the first point is on its negative side.
         touching = []
         for tip, side in zip(meeting.tips, (-1, 1), strict=True):
             point = meeting.pose.translation() + side * meeting.gap / 2 * meeting.direction
@@ -280,6 +282,7 @@ class _Hand:
             second_point = self._pose(second_tip) @ touching[1]
             gaps.append((second_point - first_point) @ meeting.direction)
 
+        # Short chains of links are parts of a finger and do not count, see `_FINGER_REACH`.
         reaches = [reach.distance for reach in self._reaches().values()]
         fingers = sum(distance > _FINGER_REACH * max(reaches) for distance in reaches)
         # The gap has to grow with the opening, or it could not be inverted. Fingers that turn may close it a little
@@ -320,7 +323,10 @@ class _Hand:
         return self._find_meeting(tips, direction, rotation)
 
     def _tips(self) -> list[_Tip]:
-        """Tips of the two fingers that reach farthest from the palm when closed, in the robot's order."""
+        """Tips of the two fingers that reach farthest from the palm when closed, in the robot's order.
+
+        Fingers without shapes have no tip, so there may be fewer than two.
+        """
         # Of three fingers or more, two are enough to define the frame.
         reaches = self._reaches()
         farthest = sorted(reaches, key=lambda joint: -reaches[joint].distance)[:2]

@@ -362,11 +362,13 @@ def _check_start(robot: ResolvedRobot, start: Vector) -> None:
         return
     found = message(
         "stations.state_of_size",
-        "a state with {size} axes of '{robot}'",
+        "a state in which '{robot}' has {size} axes",
         robot=robot.name,
         size=len(start),
     )
-    expected = message("stations.station_of_size", "a state with {size} axes", size=len(robot.axes))
+    expected = message(
+        "stations.station_of_size", "a state in which it has {size} axes", size=len(robot.axes)
+    )
     raise InvalidParameter("start", found, expected)
 
 

@@ -362,9 +362,15 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
 
 
 def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Couple fingers, and set servos and contact so that they hold parts by friction. Returns remarks.
+    """Couple fingers, set servos and contact so that they hold parts by friction, and add a first program.
 
     The first finger leads the others. A gear makes each other finger move by the same share of its own travel.
+
+    The program replaces the reference: the arm goes to the target of the reference, then the fingers close almost, and
+    open again. The reference becomes ``hold``.
+
+    Returns:
+        remarks for the user.
     """
     leader, *others = robot.fingers
     # Travel of each finger between its ends [rad or m], by the index of its axis.
@@ -377,7 +383,8 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
         # Fingers that mimic other axes in the robot's file are coupled already.
         if finger in robot.followers or axes[leader] in robot.followers:
             continue
-        # position - travel / (travel of the leader) * (position of the leader) stays as at the start, without a total.
+        # The gear keeps position - travel / (travel of the leader) * (position of the leader) constant. Without its key
+        # `total`, the constant is the value in the initial posture.
         ratio = float(f"{-travels[index] / travels[leader]:.6g}")
         couplings[follower_key(finger)] = {
             "kind": "gear",

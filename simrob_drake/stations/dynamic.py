@@ -56,7 +56,9 @@ _STABLE = 2.0
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add inputs, state, servos, friction and joint stops of every robot, if the diagram contains the plant.
+    """Add inputs, state, servos, friction and joint stops of every robot, and the forces of all couplings.
+
+    The station's solver must move joints by forces. For other solvers, see :func:`add_kinematic_robots`.
 
     Raises:
         InvalidParameter: the station lists the input of an external force, but no robot has a tool.

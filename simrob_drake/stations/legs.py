@@ -115,13 +115,14 @@ def ends_of(clearance: Clearance, robot: StationRobot) -> list[BodyChain]:
 def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     """Find the groups of chains that may be the legs of a robot.
 
-    The chains of a group have equal lengths and equally many axes. A group may be legs if it reaches about as low as
-    the lowest group. The reach is measured at home and stretched out. Only if no group reaches below the root there
-    (legs that are level, or folded up), random postures are tried as well. If none of them does, and the end of a
-    chain is the lowest part of the robot, the root's frame is under the feet. Then the lowest hip takes its place.
+    The chains of a group have equally many axes, and are equal in at least one of their two lengths, see
+    :func:`chain_lengths`. A group may be legs if it reaches about as low as the lowest group. The reach is measured at
+    home and stretched out. Only if no group reaches below the root there (legs that are level, or folded up), random
+    postures are tried as well. If none of them does, and the end of a chain is the lowest part of the robot, the root's
+    frame is under the feet. Then the lowest hip takes its place.
 
     Returns:
-        the groups, the lowest first; empty if no two chains have equal lengths.
+        the groups, the lowest first; empty if no two chains belong to one group.
     """
     groups = [group for group in _equal_chains(clearance, robot) if len(group) > 1]
     natural = [robot.model.home, straight(robot)]
@@ -164,7 +165,11 @@ def _lowest_hip(
 
 
 def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
-    """Group the chains of at least two axes by their count of axes and by their lengths."""
+    """Group the chains of at least two axes by their count of axes and by their lengths.
+
+    A chain belongs to a group if it has as many axes as the group's first chain, and is equal to it in at least one of
+    the two lengths of :func:`chain_lengths`. A chain that equals no other one is a group of its own.
+    """
     groups = list[list[Leg]]()
     # Lengths of the first chain of each group, as by chain_lengths.
     lengths_of_groups = list[Vector]()
@@ -177,7 +182,7 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
         leg = Leg(axes, links, body, support.point, support.normal)
         for group, group_lengths in zip(groups, lengths_of_groups, strict=True):
             has_equal_count = len(group[0].axes) == len(axes)
-            if has_equal_count and has_equal_length(lengths, group_lengths, _LENGTH_TOLERANCE):
+            if has_equal_count and has_any_equal_length(lengths, group_lengths, _LENGTH_TOLERANCE):
                 group.append(leg)
                 break
         else:
@@ -216,8 +221,14 @@ def chain_lengths(
     return np.array([distances.sum(), np.linalg.norm(points[-1] - points[0])])
 
 
-def has_equal_length(lengths: Vector, other_lengths: Vector, tolerance: float) -> bool:
-    """Whether two chains agree in at least one of their lengths (2,), up to a relative tolerance."""
+def has_any_equal_length(lengths: Vector, other_lengths: Vector, tolerance: float) -> bool:
+    """Whether two chains are equal in at least one of their two lengths, up to a relative tolerance.
+
+    Args:
+        lengths: the two lengths of a chain, from :func:`chain_lengths`, shape (2,) [m].
+        other_lengths: those of the other chain, shape (2,) [m].
+        tolerance: largest difference as a share of the larger length.
+    """
     difference = np.abs(lengths - other_lengths)
     return bool((difference <= tolerance * np.maximum(lengths, other_lengths)).any())
 

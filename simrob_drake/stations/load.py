@@ -747,11 +747,14 @@ def _write_by_axis(
     keys: list[str],
     axes: Mapping[str, Sequence[str]],
 ) -> None:
-    """Replace numbers for all axes of a robot by mappings or lists with the number for each axis, in place.
+    """Give each axis an entry of its own where the content has one number for all axes, in place.
+
+    Overrides can then change the number of a single axis. The entries are a mapping if the override names the axis, and
+    a list if it has the index of the axis. With neither, the number stays, and the override is refused later.
 
     Args:
         content: content of the station's file, which is changed.
-        keys: dotted keys of single axes below such numbers: ``servo.kp.joint_1`` makes a mapping of the value of
+        keys: dotted keys of the overrides of single axes: ``servo.kp.joint_1`` makes a mapping of the number in
             ``servo.kp``, and ``servo.kp.0`` a list.
         axes: names of the axes, by the name of the robot.
     """

@@ -225,7 +225,8 @@ def _check_engine(config: StationConfig) -> None:
 def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     """Read a robot with its passive axes and its drives (rotors, gears, friction).
 
-    Drives of the station come before those of the robot's own file, and these before those of its motors.
+    If a value of the drives is given several times, that of the station counts, otherwise that of the robot's own file,
+    otherwise that of the motor.
 
     Raises:
         SimrobError: the files have a defect, or a value does not fit the robot.
@@ -239,7 +240,8 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     motors = station_motors(robot, servo)
     if not any(motors):
         return robot
-    # Drives that are applied last win: first those of the motors, then those of robot and station.
+    # Drives that are applied later replace earlier ones, so those of the motors come first. `robot.drives` has those of
+    # the robot's file with those of the station in their place.
     without_drives = robot.model_copy(update={"drives": Drives()})
     return without_drives.with_drives(drives_of(motors, robot)).with_drives(robot.drives)
 
@@ -247,11 +249,14 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
 def _robot_as_described(entry: RobotConfig) -> RobotModel:
     """Read a robot from its files, or take it from the cache, without the drives that the station gives it.
 
+    A robot whose files have changed is read again.
+
     Raises:
         SimrobError: the files have a defect.
     """
     options = "" if entry.import_options is None else entry.import_options.model_dump_json()
-    # All that the robot's files are read with: another import option gives another robot.
+    # Everything on which the robot depends in addition to the content of its files. The granted folders, from which the
+    # user allows meshes and packages to be read, decide which files are found.
     key = (entry.urdf, entry.model, options, tuple(granted_folders()))
     return _ROBOTS.value(key, lambda: _robot_from_files(entry))
 

@@ -146,7 +146,8 @@ def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor 
     # Values that the station gives replace those of the model that it names.
     motor = base.model_copy(update=stated.model_dump(exclude_unset=True, exclude={"model"}))
     _check_motor_values(motor)
-    # Motors are described at their shafts, servos count at the joint, behind the gear.
+    # Servos count torques at the joint. The torques of a motor with a gear efficiency do not contain the losses of
+    # the gear yet.
     return motor.at_output
 
 

@@ -232,6 +232,9 @@ def _stiff_parts(
 ) -> list[StiffPart]:
     """Compare the stops and the servos of a robot with the inertias that they move.
 
+    Stops are compared with the inertias of their axes, and servos with :func:`servo_inertias`. The descriptions give
+    the inertias of the axes in both cases.
+
     Args:
         config: configuration of the station.
         robot: the robot.
@@ -239,7 +242,8 @@ def _stiff_parts(
         context: context of the plant at which inertias are computed; None for the start.
 
     Returns:
-        one entry for the stops, and one for the servos.
+        one entry for the stops, and one for the servos, each for the axis with the largest ratio of stiffness to
+        inertia. An entry is too stiff if its ratio is above its limit; see the docstring of the module.
     """
     # Rounding may make a tiny inertia negative.
     inertias = np.abs(robot.free_inertias(context))
@@ -503,9 +507,13 @@ def _set_iteration(integrator: CenicIntegrator, accuracy: float, step: float) ->
 
     A new factorization is computed in each iteration. If an old one is used again, a joint stays at its limit too long.
 
-    The tolerance of the iteration is smaller than Drake's usual one for small steps: the remaining error must be a
-    small share of the error of the step itself, which is proportional to the accuracy and to the square of the step's
-    length. Otherwise momentum is lost, and the faster the shorter the steps are.
+    The iteration may end a little earlier than with Drake's default, since ``min_tolerance``, the lower bound of its
+    tolerance, is raised. The error that remains must be a small share of the error of the step itself. The bound is
+    therefore lower for a finer accuracy, in proportion to it, and for shorter steps, in proportion to the square of
+    their length. Otherwise momentum is lost, and the faster the shorter the steps are.
+
+    With error control, Drake's own tolerance is 1e-3 times the accuracy, and the larger one of it and the bound counts.
+    Without error control, the bound is the tolerance.
 
     Args:
         integrator: the integrator.
@@ -514,7 +522,8 @@ def _set_iteration(integrator: CenicIntegrator, accuracy: float, step: float) ->
     """
     parameters = integrator.get_solver_parameters()
     parameters.enable_hessian_reuse = False
-    # 1e-5 is enough at an accuracy of 1e-3 and steps of 20 ms.
+    # 1e-5 is small enough at an accuracy of 1e-3 and steps of 20 ms. The smaller one of the two shares reduces it, but
+    # never below Drake's default.
     share = min(1.0, accuracy / 1e-3, (step / 0.02) ** 2)
     parameters.min_tolerance = max(IcfSolverParameters().min_tolerance, 1e-5 * share)
     integrator.SetSolverParameters(parameters)

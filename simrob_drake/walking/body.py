@@ -512,7 +512,8 @@ def height_on_slope(slope: complex, place: complex) -> float:
 def slope_weights_of(positions: Sequence[complex]) -> list[complex]:
     """Compute the weight of each foot in the slope of the plane or line through all of them [1/m].
 
-    The slope is the least-squares solution: the pseudoinverse of the positions times the heights.
+    The slope is the least-squares solution: the pseudoinverse of the positions times the heights. A single foot shows
+    no slope by its height: its weight is 0.
 
     Args:
         positions: positions of the feet from their middle, as complex numbers [m].

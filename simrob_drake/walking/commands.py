@@ -72,14 +72,16 @@ class Waypoints(Strict):
     def _check_points(self) -> Waypoints:
         """Check that no two consecutive points are the same: the line between them has no direction."""
         corners = self.corners
+        # On a closed path the point after the last one is the first one again.
+        count = len(self.points)
         for number, (before, corner) in enumerate(pairwise(corners)):
             if abs(corner - before) < _SAME:
                 raise ValueError(
                     message(
                         "walking.same_points",
                         "points {first} and {second} of the path are the same; leave one of them out",
-                        first=number,
-                        second=number + 1,
+                        first=number % count,
+                        second=(number + 1) % count,
                     )
                 )
         return self
@@ -234,16 +236,18 @@ class Follower:
         if progress > length:
             return Command(), progress
 
-        # Project the robot onto the path. On an arc, a distance aside lengthens or shortens the way along it.
+        # Project the robot onto the path. At the distance d to the left of an arc of curvature k, the robot covers
+        # 1 - k d times the distance that its projection covers on the arc.
         spot = self.path.at(progress)
         offset = (pose.place - spot.place) / spot.direction  # along the path, and to its left [m]
         advance = offset.real / max(1.0 - spot.curvature * offset.imag, _LEAST_SHORTENING)
-        progress = min(max(progress + clamp(advance, _LARGEST_PROGRESS), 0.0), length)
+        new_progress = min(max(progress + clamp(advance, _LARGEST_PROGRESS), 0.0), length)
 
-        remaining = length - progress
+        remaining = length - new_progress
         if remaining < _END_DISTANCE:
-            return self._turn_at_end(pose, progress)
-        return self._command_along(pose, spot, offset, progress), progress
+            return self._turn_at_end(pose, new_progress)
+        # The spot stays that of the last progress, from which the offset is measured.
+        return self._command_along(pose, spot, offset, new_progress), new_progress
 
     def _root_pose(self, base: Vector) -> _RootPose | None:
         """Convert the pose of the root (7,) to one in the plane. Returns None if it is not finite."""

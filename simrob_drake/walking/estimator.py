@@ -19,7 +19,8 @@ from simrob_drake.walking.stride import Ground, Step, Stride
 # Estimates of the slope before the first step. Two groups of ball feet alternate, each corrects the slope along the
 # line of its feet; eight rounds leave no difference.
 _SLOPE_ROUNDS = 8
-# A swing foot touches if its lowest point is this near to the lowest point of the stance foot [m].
+# Without force sensors, swing feet touch if the lowest one is less than this above the mean height of the stance feet,
+# both measured at their lowest points and without the slope [m].
 _TOUCH_DISTANCE = 0.001
 # Least height of the centre of mass above the feet, for a robot that has fallen [m].
 _LEAST_HEIGHT = 0.05
@@ -37,7 +38,8 @@ class Estimate(NamedTuple):
         pitch: lean of the trunk ahead [rad].
         heading: heading of the trunk in the world [rad].
         slope: slope of the ground under the stance foot, ahead and to the left [1].
-        touches: whether the swing foot touches the ground, or both feet of a swing pair.
+        touches: whether the swing foot touches the ground. Of a swing pair, both feet must feel the ground if forces
+            are measured; without forces, the height of the lower one decides.
         down: whether each swing foot feels the ground. Empty if no forces are measured.
         hangs: whether each stance foot does not feel the ground. Empty if no forces are measured.
         origin: position of the stance foot in the world [m].
@@ -153,6 +155,8 @@ class Estimator:
     ) -> _Contacts:
         """Find which feet touch the ground: by their forces if these are measured, else by their heights.
 
+        Forces show the contact of each foot. Heights only show whether the lowest swing foot touches.
+
         Args:
             stride: state of the walk.
             state: measured motion of the robot in the world.
@@ -168,7 +172,7 @@ class Estimator:
             # A pair has landed when both of its feet carry weight.
             down = tuple(forces[foot] > feedback.touch_force for foot in swing_feet)
             hangs = tuple(forces[foot] < feedback.touch_force for foot in stance_feet)
-            return _Contacts(all(down), down, hangs)
+            return _Contacts(touches=all(down), down=down, hangs=hangs)
 
         # Heights are compared at the stance foot: what the slope adds at the swing foot is taken away.
         stance_height = sum(state.lowest[foot] for foot in stance_feet) / len(stance_feet)
@@ -176,7 +180,7 @@ class Estimator:
         for foot in swing_feet:
             place = turn * (_position(state.feet[foot]) - origin)
             swing_heights.append(state.lowest[foot] - height_on_slope(stride.ground.slope, place))
-        return _Contacts(min(swing_heights) < stance_height + _TOUCH_DISTANCE)
+        return _Contacts(touches=min(swing_heights) < stance_height + _TOUCH_DISTANCE)
 
     def _slope_under_soles(self, stride: Stride, poses: Sequence[Rows], turn: complex) -> complex:
         """Estimate the slope of the ground under the stance feet, ahead and to the left [1].

@@ -161,8 +161,8 @@ class Feedback(Renamed):
     """Rate at which the slope of the feet approaches that of the stance foot [1/s]. It is 0 for a level floor."""
     touch_force: Positive | None = None
     """Vertical force from which a foot touches [N], if `reads` names force sensors of the feet, in the world's axes.
-    Without sensors, heights decide. A foot of a pair that touches waits for the other one. A stance foot without
-    contact goes down if `late_touchdown` is not 0."""
+    With sensors, a foot of a pair that touches waits for the other one, and a stance foot without contact goes down if
+    `late_touchdown` is not 0. Without sensors, heights decide."""
 
 
 class WalkingParameters(Renamed):
@@ -262,6 +262,8 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
 def _apply_changes(own: Any, change: Any) -> Any:
     """Apply changes to a parameter, to a section or to a list, and return the result as a new object.
 
+    The result may be invalid: it is validated with the whole section.
+
     Args:
         own: the parameter, section or list.
         change: a new value, or a mapping from names, or indices of a list as texts, to changes.
@@ -275,6 +277,8 @@ def _apply_changes(own: Any, change: Any) -> Any:
                 _apply_changes(value, change.get(str(index), value))
                 for index, value in enumerate(own)
             ]
+    # A mapping for anything but a section replaces it: a section that the file leaves out begins empty, and the
+    # validation refuses a mapping in place of a number, or of a list that lacks one of the indices.
     section = own if isinstance(own, Mapping) else {}
     changed = {key: _apply_changes(section.get(key), value) for key, value in change.items()}
     return {**section, **changed}

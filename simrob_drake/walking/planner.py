@@ -473,6 +473,7 @@ class WalkPlanner:
 
         # The share never goes back, also if the landing is postponed.
         share = max(min((time - step.transfer) / duration, 1.0), swing.share)
+        # Part of the remaining way that is done in this sample. The landing may have moved since the last sample.
         part = progress_since(swing.share, share, self._parameters.swing_peak)
         new_swing = Swing(
             place=swing.place + part * (landing.place - swing.place),
@@ -609,7 +610,8 @@ class WalkPlanner:
         feedback = self._feedback
         step = stride.step
         if any(estimate.down) and stride.swing.share > feedback.early_touchdown:
-            # Undo the descent of this sample for the feet that feel the ground, while others come down.
+            # The feet that feel the ground stay where they are, while others come down: they are raised by as much as
+            # the lift descends in this sample, or lowered while it still ascends.
             descent = self._lift_at(before.swing.share) - self._lift_at(stride.swing.share)
             stride = self._raise_swing_feet(
                 stride, [descent * has_contact for has_contact in estimate.down]
@@ -617,14 +619,18 @@ class WalkPlanner:
 
         is_swinging = step.active and step.time > step.transfer
         if any(estimate.hangs) and feedback.late_touchdown and is_swinging:
-            # Heights are relative to the stance foot. A lower stance foot means a higher swing foot and root.
+            # Each stance foot that hangs goes down by its distance. Heights are measured from the middle of the stance
+            # feet: as the middle goes down, the swing foot and the root become higher above it. The distances point
+            # down, so the tilt of the line between the stance feet changes by minus their slope.
             distances = [hangs * feedback.search_speed * self._period for hangs in estimate.hangs]
             mean = sum(distances) / len(distances)
-            tilt = slope_through(self._stance.slope_weights[int(step.standing)], distances)
+            slope_of_distances = slope_through(
+                self._stance.slope_weights[int(step.standing)], distances
+            )
             stride = stride._replace(
                 ground=stride.ground._replace(
                     height=stride.ground.height + mean,
-                    tilt=stride.ground.tilt - tilt,
+                    tilt=stride.ground.tilt - slope_of_distances,
                 ),
                 trunk=stride.trunk._replace(rise=stride.trunk.rise + mean),
             )
@@ -690,12 +696,15 @@ class WalkPlanner:
     def _trim_speed(self, stride: Stride) -> Stride:
         """Learn from a step that was too short or too long: add a part of what it lacks to the speed.
 
-        A step that took longer than planned lacks the distance that the command asks for in that time, too.
+        A step that took longer than planned lacks the distance that the command asks for in that time, too. A step that
+        was too long, or ended early, lacks a negative distance.
         """
         step = stride.step
         planned = self.steps.plan_landing(step.sides[1], step.command)
         lack = planned.place - stride.swing.place
-        lack += (step.time - step.nominal) / self._stance.roll_factor * step.speed
+        # The foothold is only a part of the distance that the robot goes: feet that are balls roll on by the rest.
+        extra_time = step.time - step.nominal
+        lack += extra_time / self._stance.roll_factor * step.speed
 
         gain = self._feedback.speed_integral / self._parameters.step_time
         speed_trim = _clamp_parts(stride.corrections.speed_trim + gain * lack, _LARGEST_TRIM)

@@ -239,23 +239,26 @@ class Steps:
         swinging = 1 - standing
         turn = cmath.exp(1j * command.turn * self._pace)
 
-        # Values of every second step, each seen from its own stance foot: index 0 for the first, third ... step.
+        # The feet stand in turn, so there are two values of each quantity: index 0 for the first, third ... step, on
+        # the foot `standing`, and index 1 for the steps between them. They are seen from the stance foot of their step.
         rest_points = (self.rest_points[standing], self.rest_points[swinging])
         footholds = (
             self._planned_place(swinging, command, turn),
             self._planned_place(standing, command, turn),
         )
-        # The same rest points as seen from the foot of the step after.
+        # The same rest points as seen from the stance foot of the following step: at the foothold, turned by `turn`.
         rest_points_from_next = (
             (rest_points[0] - footholds[0]) / turn,
             (rest_points[1] - footholds[1]) / turn,
         )
 
-        # The divergent component rests between both feet after the last step. Go back step by step from there.
+        # After the last step the robot stands on both feet, and the divergent component rests in the middle of their
+        # rest points, here seen from the foot that landed last. Go back step by step from there.
         last = steps_ahead % 2
         dcm = 0.5 * (rest_points_from_next[last] + rest_points[1 - last])
         for step in range(steps_ahead, -1, -1):
             index = step % 2
+            # The zero-moment point comes from the rest point of the step before, which has the other index.
             zmp_before = rest_points_from_next[1 - index] if step else zmp_from
             end = footholds[index] + turn * dcm  # measured from the stance foot of this step
             dcm = (
@@ -268,6 +271,8 @@ class Steps:
     def dcm_at_landing(self, standing: int, command: Command, omega: float) -> LandingCondition:
         """Compute the condition on the divergent component at the end of the present step.
 
+        The condition is linear in the foothold, see :class:`LandingCondition`.
+
         Args:
             standing: index of the stance foot.
             command: the command that the next steps follow.
@@ -275,9 +280,10 @@ class Steps:
         """
         step_weights = weights(omega, self._step_time, self.transfer)
         turn = cmath.exp(1j * command.turn * self._pace)
-        # The next step begins with the zero-moment point at the present rest point r. Seen from the next foot, which
-        # is at u and turned by `turn`, that is (r - u) / turn. It is left out of the sum here, and added by its
-        # weight w_0: u + turn (dcm + w_0 (r - u) / turn) = (1 - w_0) u + (turn dcm + w_0 r).
+        # Seen from the next foot, the next step must begin with the divergent component dcm + w_0 p. Here p is the
+        # zero-moment point at that time, and dcm the result for p = 0. With the foothold u and the rest point r of the
+        # present foot, p = (r - u) / turn. So the divergent component, seen from the present foot, is
+        # u + turn (dcm + w_0 (r - u) / turn) = (1 - w_0) u + (turn dcm + w_0 r).
         dcm = self.dcm_at_start(1 - standing, command, step_weights, 0j)
         offset = turn * dcm + step_weights.start * self.rest_points[standing]
         return LandingCondition(step_weights.start, offset)

@@ -189,12 +189,14 @@ class Stride(NamedTuple):
 
     @classmethod
     def of(cls, numbers: Vector) -> Stride:
-        """Convert a vector of shape (:data:`NUMBERS`,) back to the state."""
+        """Convert a vector of shape (:data:`NUMBERS`,) back to the state: the inverse of :meth:`numbers`."""
+        # `_IS_COMPLEX` and `_GROUPS`, at the end of the module, list the types of the values and the classes of their
+        # groups. Of a real value's two numbers, the first one is the value.
         as_complex = numbers.view(complex).tolist()
         real_parts = numbers[::2].tolist()
         pairs = zip(_IS_COMPLEX, as_complex, real_parts, strict=True)
         values = [whole if is_complex else real for is_complex, whole, real in pairs]
-        return cls(*[group._make(values[start:end]) for group, start, end in _GROUPS])
+        return cls(*[group_class._make(values[start:end]) for group_class, start, end in _GROUPS])
 
 
 def smoothstep(share: float, peak: float = SOFTEST) -> float:

@@ -100,6 +100,18 @@ def test_a_point_that_leaves_its_box(point, reason):
 BOX = {"lower": [-1, -1, 0], "upper": [1, 1, 1]}
 
 
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_pose_that_is_not_finite_leaves_no_side_of_the_box(bad, axis):
+    where = pose()
+    where[axis] = bad
+    assert judged(condition("workspace", **BOX), where) == (
+        True,
+        np.inf,
+        "the pose of the tool is not finite: the simulation has diverged",
+    )
+
+
 def test_a_box_is_for_the_tool_in_use_a_named_one_or_a_free_piece():
     offset = {"robot.tcp_offset": [0, 0, 0.1, 0, 0, 0]}
     for found, output, who in (

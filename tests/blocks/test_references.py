@@ -140,6 +140,13 @@ def test_the_times_of_a_sequence_rise(times: list[float]) -> None:
         sequence(START, times, [TARGET, START])
 
 
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan])
+def test_a_move_names_its_duration_if_that_is_not_positive(duration: float) -> None:
+    """`move` has no parameter `times`, so its error must name the duration."""
+    with pytest.raises(InvalidParameter, match=r"^duration is .*; it must be a positive time"):
+        move(START, TARGET, duration=duration, start_time=0.5)
+
+
 def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
     times = np.array([0.0, 1.0, 3.0])
     samples = np.array([[0.0, 1.0], [2.0, 1.0], [2.0, -3.0]])

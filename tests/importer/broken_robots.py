@@ -1116,7 +1116,7 @@ INERTIAS = [
     Defect(
         "mass in tonnes",
         swap('value="2.5"', 'value="2500000"'),
-        "read: link 'upper' <inertial>: mass 2.5e+06 kg",
+        "read: link 'upper' <inertial>: a mass of 2.5e+06 kg",
     ),
     Defect(
         "moments zero on the axis",

@@ -77,7 +77,7 @@ PROJECTIVE = np.eye(4) + np.outer([0, 0, 0, 1], [0.1, 0, 0, 0])
         ([[0] * 6, [0, np.inf, 0, 0, 0, 0]], r"inf at \[1, 1\]"),
         ("there", "pose vectors"),
         (None, "finite|pose vectors"),
-        ([TRANSFORMS[0], [0] * 6], "one form"),
+        ([TRANSFORMS[0], [0] * 6], "the same form"),
         (SCALED, r"targets\[0\].*a rotation"),
         ([np.eye(4), MIRRORED], r"targets\[1\].*a rotation"),
         (PROJECTIVE, "last row"),

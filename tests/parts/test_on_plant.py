@@ -45,12 +45,19 @@ TRANSMISSION = """
 """
 
 
-def links(*driven, time_step=0.0):
-    """Make a builder with a finalized plant of the two links, hung from the world."""
+def links(*driven, time_step=0.0, elbow="revolute"):
+    """Make a builder with a finalized plant of the two links, hung from the world.
+
+    Args:
+        driven: names of the joints that have an actuator.
+        time_step: time step of the plant [s], 0 for a continuous plant.
+        elbow: type of the joint elbow.
+    """
     builder = DiagramBuilder()
     plant, _ = AddMultibodyPlantSceneGraph(builder, time_step)
     transmissions = "".join(TRANSMISSION.replace("JOINT", joint) for joint in driven)
-    Parser(plant).AddModelsFromString(TWO_LINKS.replace("TRANSMISSIONS", transmissions), "urdf")
+    text = TWO_LINKS.replace("TRANSMISSIONS", transmissions).replace('"revolute"', f'"{elbow}"')
+    Parser(plant).AddModelsFromString(text, "urdf")
     plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
     plant.Finalize()
     return builder, plant
@@ -195,8 +202,29 @@ def test_a_monitor_of_joint_limits_ends_the_run():
 
     # The limit is at 1.5 rad, and the margin 0.1 rad.
     assert status.reason() == status.ReturnReason.kReachedTerminationCondition
-    assert "elbow reached a joint limit at 1.4" in status.message()
+    assert "elbow came within 0.1 rad of a joint limit, at 1.4" in status.message()
+    assert status.message().endswith(" rad")
     assert plant.GetPositions(context)[1] >= 1.4
+
+
+@pytest.mark.parametrize(
+    ("kind", "margin", "reason"),
+    [
+        ("revolute", 0.0, "elbow reached a joint limit at 1.6 rad"),
+        ("revolute", -0.1, "elbow reached a joint limit at 1.6 rad"),
+        ("prismatic", 0.0, "elbow reached a joint limit at 1.6 m"),
+        ("prismatic", 0.2, "elbow came within 0.2 m of a joint limit, at 1.6 m"),
+    ],
+)
+def test_the_reason_of_a_joint_limit_has_a_unit_and_the_margin(kind, margin, reason):
+    builder, plant = links("elbow", elbow=kind)
+    add_joint_limit_monitor(builder, plant, ["elbow"], margin=margin)
+    simulator = Simulator(builder.Build())
+    context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+    # Beyond the limit of 1.5 from the start.
+    plant.SetPositions(context, [0.0, 1.6])
+
+    assert reason in simulator.AdvanceTo(0.1).message()
 
 
 def test_a_monitor_ends_the_run_when_its_condition_has_lasted():

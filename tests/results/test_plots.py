@@ -131,7 +131,7 @@ def test_what_is_applied_and_what_is_felt_are_plotted_together(drawn):
     assert "irb120_cobot: applied forces" in texts(figure)
     titles = [panel.get_title(loc="left") for panel in figure.axes]
     assert titles == [
-        "external force at load, in its axes",
+        "external force at load, in the tool's axes",
         "applied force 'hand' at load, in its axes",
     ]
     assert np.abs(curve(figure.axes[1], "z").get_ydata()).max() == pytest.approx(5.0, rel=0.01)

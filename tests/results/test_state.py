@@ -147,7 +147,8 @@ def test_the_state_of_other_robots_is_refused():
     """A state whose robot has another count of axes, or is missing, raises an error with the name of the robot."""
     state = simulate(load_station("double_pendulum"), duration=0.1).final_state
     with pytest.raises(
-        SimrobError, match="start is a state with 2 axes of 'robot'; it must be a state with 6 axes"
+        SimrobError,
+        match="start is a state in which 'robot' has 2 axes; it must be a state in which it has 6 axes",
     ):
         simulate(load_station("irb120_dynamic"), duration=0.1, start=state)
     with pytest.raises(SimrobError, match="start is a state in which 'left' is missing"):

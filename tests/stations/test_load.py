@@ -261,7 +261,7 @@ WRONG = [
                 "targets": [{"time": 2, "target_deg": 1}, {"time": 1, "target_deg": 2}],
             }
         },
-        r"times of a sequence rise",
+        r"times of a sequence must increase",
     ),
     ({"robot.model": "irb12"}, r"no robot 'irb12'; did you mean 'irb120'\?"),
     ({"robot.modell": "x"}, r"robot\.modell: unknown key; did you mean 'model'\?"),
@@ -329,7 +329,7 @@ BLAMED = [
     ({"robot.base": [0, 0]}, "override robot.base: needs 6 values"),
     (
         {"contact": {}, "contact.friction": 0.01},
-        "override contact.friction: must be .* keys of: static, dynamic",
+        "override contact.friction: must be .* keys among: static, dynamic",
     ),
     (
         {"servo": 3},
@@ -403,9 +403,9 @@ def test_samples_are_not_more_than_fit():
             r"bad\.yaml: name: must be a valid folder name",
         ),
         ("name: /tmp/x\nrobot: {model: irb120}", r"bad\.yaml: name: must be .* \(it is '/tmp/x'\)"),
-        ("name: ..\nrobot: {model: irb120}", "name: must be a name"),
-        ("name: ''\nrobot: {model: irb120}", "name: must be a name"),
-        (f"name: {'n' * 201}\nrobot: {{model: irb120}}", "name: must be a name"),
+        ("name: ..\nrobot: {model: irb120}", "name: must be a valid folder name"),
+        ("name: ''\nrobot: {model: irb120}", "name: must be a valid folder name"),
+        (f"name: {'n' * 201}\nrobot: {{model: irb120}}", "name: must be a valid folder name"),
         ("robot: {model: irb120}\nduration: !!python/object/apply:os.getcwd []", "is not YAML"),
     ],
 )

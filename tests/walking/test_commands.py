@@ -305,6 +305,11 @@ def test_a_walk_goes_on_without_feedback_while_a_sensor_fails(run_with_blocks):
         ({"path": {"points": [[0, 0]]}}, "path.points"),
         ({"path": {"points": [[0, 0], [0, 0]]}}, "points 0 and 1 of the path are the same"),
         ({"path": {"points": [[0, 0], [1, 0], [1, 0]]}}, "points 1 and 2 of the path are the same"),
+        # On a closed path the last point is followed by the first one.
+        (
+            {"path": {"points": [[0, 0], [1, 0], [1, 1], [0, 0]], "laps": 2}},
+            "points 3 and 0 of the path are the same",
+        ),
         (
             {"commands": [{"time": 1}, {"time": 0.5}]},
             "times of commands are .*; they must not decrease",

@@ -146,6 +146,18 @@ class TestEstimates:
         assert estimate.touches == touches
         assert estimate.down == ()
 
+    @pytest.mark.parametrize("lower_foot", [0, 1])
+    def test_without_forces_the_lower_foot_of_a_pair_decides(
+        self, loop: WalkingLoop, posture: np.ndarray, lower_foot: int
+    ) -> None:
+        state = observe_at_rest(loop, posture, RollPitchYaw(0, 0, 0))
+        heights = [0.02, 0.02, 0.0, 0.0]  # the left pair stands
+        heights[lower_foot] = 0.0
+
+        estimate = loop.engine.estimator.estimate(Stride(), state._replace(lowest=heights))
+
+        assert estimate.touches
+
 
 class TestSlopes:
     """A trunk that is turned on a slope: the feet stand on the plane of the trunk."""

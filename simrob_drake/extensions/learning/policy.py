@@ -53,19 +53,20 @@ class Policy(LoopSection):
     rate: Positive = 50.0
     """Samples a second [Hz]."""
     network: Path | None = None
-    """The network, an ONNX file; relative paths start at the station's file. Without one nothing is asked of the axes,
-    as where it is yet to be learnt."""
+    """The network, an ONNX file; relative paths start at the station's file. Without a network, as before training,
+    the axes keep their references."""
     moves_deg: PositiveAxisValues
-    """How far an action of 1 moves an axis [deg, or m where it slides]: a number for all, or those that it moves."""
+    """Displacement of an axis by an action of 1 [deg, or m if the axis slides]: a number for all axes, or one for each
+    axis that the policy moves."""
     observes: list[str] = Field(min_length=1)
-    """What it sees, in this order: `position` from the initial posture and `velocity` of all axes; of an IMU that
-    `reads` names `attitude`, the angles Rx Ry Rz of the root link from how it stood, or `lean`, Rx and Ry alone, and
-    `heading_error`, Rz from where a turn by the third figure of `goal` [rad/s] has it; its `angular_velocity`; the last
-    `action`; `clock`; `goal`; or any output of the station, such as `external_force.hand`."""
+    """Inputs of the network, in this order. Of all axes: `position`, from the initial posture, and `velocity`. Of the
+    IMU under `reads`: `attitude`, the angles Rx Ry Rz of the root link from the initial posture; `lean`, Rx and Ry
+    alone; `heading_error`, Rz from the heading that the third number of `goal` [rad/s] commands; `angular_velocity`.
+    Further: the last `action`; `clock`; `goal`; any output of the station, such as `external_force.hand`."""
     clock: list[Frequency] = Field(default_factory=list)
-    """Of each of these it sees sine and cosine over time [Hz]."""
+    """Frequencies whose sine and cosine over time the network reads [Hz]."""
     goal: list[Number] = Field(default_factory=list)
-    """Figures that say what is wanted, such as a place."""
+    """Numbers that describe the task, such as a target position."""
 
     @model_validator(mode="after")
     def _check_observed(self) -> "Policy":

@@ -19,7 +19,7 @@ from simrob_drake.stations.legs import (
     Leg,
     chain_lengths,
     ends_of,
-    has_equal_length,
+    has_any_equal_length,
     legs_of,
     put_upright,
     straight,
@@ -391,7 +391,7 @@ def _named(
         )
     for pair in pairs:
         ways = [chain_lengths(clearance, robot, leg.axes, leg) for leg in pair]
-        if not has_equal_length(ways[0], ways[1], _ALIKE):
+        if not has_any_equal_length(ways[0], ways[1], _ALIKE):
             what = join_texts(
                 (
                     compound("{foot} {way:.3f} m", foot=leg.foot.name(), way=way[0])

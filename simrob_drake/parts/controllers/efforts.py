@@ -538,7 +538,9 @@ class GuardedMotors(SampledBlock):
         timers = {
             "above": zero,  # time for which each torque is above its limit [s]
             "pressed": none,  # time for which the force is above its limit [s]
-            "lasts": none,  # time for which an axis gives way, or nothing is overloaded while stopped [s]
+            # Before the stop: time for which an axis is held at its limit. After the stop: time for which nothing is
+            # overloaded [s].
+            "lasts": none,
         }
         reads = {"torque": size, "position": size, ASKED: size}
         if self._force_limit is not None:
@@ -632,10 +634,14 @@ class GuardedMotors(SampledBlock):
         }
 
     def _stop(self, position: Vector, reason: str) -> Changes:
-        """Hold a position (n,) [rad] from now on.
+        """Stop the robot: hold its posture from now on, or end the run, whichever the section says.
+
+        Args:
+            position: measured positions of the axes, shape (n,) [rad].
+            reason: reason for the end of the run.
 
         Raises:
-            RunEnds: the section ends the run instead, for a reason.
+            RunEnds: the section ends the run.
         """
         if self._section.then == "end":
             raise RunEnds(reason)
@@ -643,6 +649,7 @@ class GuardedMotors(SampledBlock):
         if self._weight is not None:
             # At the position itself as reference, the arm would sag away from it.
             target = position + self._weight.compensation(position)
+        # In the new stage, `lasts` is the time for which nothing is overloaded.
         return {"target": target, "active": 1.0, "stage": _STOPPED, "lasts": 0.0}
 
     def _stay_stopped(self, memory: Named, read: Named, *, is_well: bool) -> Changes:

@@ -204,7 +204,11 @@ class Rising(SampledBlock):
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the next target, or change to the next stage."""
+        """Compute the next target, or change to the next stage.
+
+        Raises:
+            RunEnds: all attempts have failed; or the robot stands, and the run is to end then.
+        """
         stage = memory["stage"][0]
         elapsed = memory["elapsed"][0] + self.period
         height = self._ground.height(read["base_pose"])
@@ -284,6 +288,9 @@ class Rising(SampledBlock):
             elapsed: time since the stage began [s].
             goal: the posture.
             ahead_deg: lean of the trunk ahead [deg].
+
+        Raises:
+            RunEnds: the lean is wrong, and this was the last attempt.
         """
         # target = origin + s(elapsed / time) (angles - origin), with the smooth step s from 0 to 1.
         part = min(elapsed / goal.posture.time, 1.0)
@@ -312,7 +319,8 @@ class Rising(SampledBlock):
             time_well: time for which the robot has stood [s].
 
         Raises:
-            RunEnds: the robot stands, and the run is to end then.
+            RunEnds: the robot stands, and the run is to end then; or it does not stand in time, and this was the last
+                attempt.
         """
         if time_well < _STANDING_TIME:
             if elapsed < _PATIENCE:
@@ -332,11 +340,12 @@ class Rising(SampledBlock):
         return {"active": 0.0, "stage": _UP}
 
     def _try_again(self, memory: Named, target: Vector) -> Changes:
-        """Begin again from lying, with the present target (n,) [rad].
+        """Begin the stage in which the robot lies again, with the present target (n,) [rad], after a failed attempt.
 
         Raises:
-            RunEnds: all attempts have failed.
+            RunEnds: it was the last attempt.
         """
+        # `_lie` counts an attempt when it begins, so this is the count of failed attempts.
         tries = int(memory["attempt"][0])
         if tries >= self._section.attempts:
             raise RunEnds(

@@ -209,7 +209,8 @@ class OwnController(ControllerSection):
                 parameters.
         """
         block_class = type(block)
-        # Classes that are defined in a function have "<locals>." in their names; an import cannot find them anyway.
+        # The name of a class that is defined in a function contains "<locals>.", which the pattern of `class_` refuses.
+        # Without it the run can be saved. The saved file cannot import such a class, whatever its name.
         class_name = block_class.__qualname__.replace("<locals>.", "")
         parameters = getattr(block, "parameters", {})
         content = {

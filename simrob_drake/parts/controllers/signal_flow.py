@@ -400,7 +400,7 @@ def _stop_condition(flow: str, stop: str) -> Condition:
 
     def excess(value: Vector) -> float:
         """Excess of the condition, which holds if it is not negative."""
-        # Only the sign counts: a signal is on or off.
+        # A signal is on or off: it is on with any value but 0, also with a negative one or not a number.
         return 1.0 if value[0] else -1.0
 
     def why(value: Vector) -> str:
@@ -573,6 +573,8 @@ class _FlowNet:
         # Values of a net: the constant 1, the time, the measured values, then the outputs of the blocks.
         first_of_block = FIRST_MEASURED + sum(self._measured_sizes.values())
         block_sizes = {name: block.size for name, block in self.blocks.items()}
+        # Index of the first value of each owner. There are two tables, as an output of the station may have the name of
+        # a block.
         measured_starts = _starts(self._measured_sizes, FIRST_MEASURED)
         other_starts = _starts(block_sizes, first_of_block) | {_ONE: 0, _TIME: 1}
 
@@ -614,6 +616,10 @@ class _FlowNet:
         Args:
             block: name of the block that reads the sum, for errors.
             terms: the sum.
+
+        Raises:
+            InvalidParameter: a term names an element that a block does not have.
+            UnknownName: a term names nothing that can be read.
         """
         key = f"{self._key}.blocks.{block}.of"
         return [

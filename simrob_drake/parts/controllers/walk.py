@@ -550,6 +550,10 @@ class WalkingLoop(SampledBlock):
     def _select_command(self, memory: Named, read: Named) -> _SelectedCommand:
         """Select the command of this sample, and clip it to the speeds that the legs can follow.
 
+        Args:
+            memory: memory before the sample.
+            read: inputs of the sample.
+
         Raises:
             RunEnds: the section is strict, and the command is faster.
         """
@@ -557,10 +561,10 @@ class WalkingLoop(SampledBlock):
         last_progress = float(memory["progress"][0])
         desired, progress = self._commander.now(
             float(read[TIME][0]),
-            memory["hand"],
-            read["command"] if self._has_command_port else None,
-            read["base_pose"],
-            last_progress,
+            hand=memory["hand"],  # command of a user who steers
+            by_port=read["command"] if self._has_command_port else None,
+            base=read["base_pose"],
+            progress=last_progress,
         )
         changes: dict[str, Vector | float] = {}
         if progress != last_progress:
@@ -570,6 +574,7 @@ class WalkingLoop(SampledBlock):
             return _SelectedCommand(command=command_of(last_values), changes=changes)
 
         command = clip_command(desired, self.engine.max_speed)
+        # `clip_command` returns the same object if the command is within the limits.
         is_clipped = command is not desired
         if is_clipped and self._strict:
             excess = find_excess(desired, self.engine.max_speed)[0]

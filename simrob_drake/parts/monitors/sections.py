@@ -237,7 +237,7 @@ class Settled(MonitorSection):
 
 
 class Divergence(MonitorSection):
-    """End the run when a joint runs away."""
+    """End the run when a joint becomes faster than any real one: the simulation has diverged."""
 
     kind: Literal["divergence"]
     speed_limit: Positive = 100.0
@@ -451,6 +451,15 @@ def force_limit(limit: float | str) -> float:
     return regions[region]
 
 
+def _not_finite(who: str) -> str:
+    """Reason of the end of a run in which the pose of a robot, a tool or a piece is not finite."""
+    return message(
+        "parts.is_nowhere",
+        "the pose of {who} is not finite: the simulation has diverged",
+        who=who,
+    )
+
+
 class _FallExcess(NamedTuple):
     """Excesses of a fall's two bounds, as parts of the bounds [1]. A bound that is not given has -1.
 
@@ -535,11 +544,7 @@ class Fall(PoseMonitorSection):
         def why(pose: Vector) -> str:
             found = excesses(pose)
             if not found.is_finite:
-                return message(
-                    "parts.is_nowhere",
-                    "the pose of {who} is not finite: the simulation has diverged",
-                    who=subject,
-                )
+                return _not_finite(subject)
             # If both bounds are exceeded, the reason is the one that is exceeded more.
             if found.low >= found.leaning or largest_tilt is None:
                 return message(
@@ -593,8 +598,11 @@ class Workspace(PoseMonitorSection):
             position = pose[:3]
             return np.concatenate([position - self.upper, self.lower - position])
 
-        def why(index: int, _: float) -> str:
-            """Reason of the end of the run, by the index of the largest overshoot."""
+        def why(index: int, overshoot: float) -> str:
+            """Reason of the end of the run, by the index and the value of the largest overshoot."""
+            # An overshoot that is not a number arrives here as infinite, and belongs to no side of the box.
+            if math.isinf(overshoot):
+                return _not_finite(pose_source.subject)
             # The first three overshoots are those of the upper bounds.
             is_upper = index < len(_XYZ)
             axis = index % len(_XYZ)

@@ -146,12 +146,15 @@ def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[s
 
 
 def sensor_label(kind: str, name: str, rate: float | None = None) -> str:
-    """Make the label of a sensor's block in the block picture.
+    """Make the label of a sensor's block in the block picture: its kind, its name and, if needed, "sampled".
+
+    Kinds of sensors that are always sampled need no such word.
 
     Args:
         kind: words for the kind of the sensor.
         name: name of the sensor.
-        rate: sampling rate [Hz], or None if the sensor is not sampled, or if its kind always is.
+        rate: sampling rate of a sensor whose kind can also be continuous [Hz]. The label does not show the number. If
+            it is None, the label does not say "sampled".
     """
     if rate is None:
         return compound("{kind}\n{name}", kind=kind, name=name)

@@ -261,7 +261,7 @@ class MeasuredWrench(SampledBlock):
         self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the measured wrench at this sample."""
+        """Compute the measured wrench at this sample. The base class delays it."""
         # The noise of a sample is drawn from its number, so it is the same in every run with the same seed.
         count = int(memory["count"].item())
         noise = self._noise * normal_noise(self.seed, count, 6)

@@ -130,6 +130,13 @@ def test_it_begins_anew_where_the_trunk_is_not_as_it_should_be_and_gives_up(lean
         life.until(lambda memory: False, *after)
 
 
+def test_a_robot_that_does_not_stay_up_in_its_last_attempt_ends_the_run():
+    life = Life(rising(attempts=1))
+    life.until(lambda memory: memory["target"][0] == 0.9, 90.0, 0.1)
+    with pytest.raises(RunEnds, match=r"nobody did not get up in 1 attempt$"):
+        life.until(lambda memory: False, 20.0, 0.45)
+
+
 def test_beside_others_it_lets_go_once_it_has_stood_for_a_second():
     life = Life(rising(ends=False))
     assert life.sample(0.0, 0.45)["active"][0] == 0
