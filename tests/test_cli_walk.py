@@ -10,6 +10,7 @@ from simrob_drake import LeggedRobot, Workcell
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
+from simrob_drake.programs.moves.walk import WalkMove
 
 pytestmark = pytest.mark.usefixtures("no_plots")
 
@@ -58,6 +59,10 @@ MISTAKES = {
         ["roid1_dynamic", "--gait", "wlak"],
         "there is no gait of roid1 'wlak'; did you mean 'walk'?",
     ),
+    "an unknown gait that would be watched": (
+        ["roid1_dynamic", "--gait", "wlak", "--live"],
+        "there is no gait of roid1 'wlak'; did you mean 'walk'?",
+    ),
     "a gait that names all": (["roid1_dynamic", "--gait", "x"], "known: .*turn.*walk"),
     "no legs": (["irb120_dynamic"], "robot irb120 is a robot without gaits"),
     "no step": (["roid1_dynamic", "--steps", "0"], "steps"),
@@ -87,19 +92,48 @@ def test_what_cannot_be_walked_is_one_line_and_leaves_nothing(tmp_path, capfd, a
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_time_of_a_step_is_that_of_the_gait(monkeypatch):
+@pytest.fixture
+def planned(monkeypatch):
+    """Walks that were planned, and the stations on which. Planning ends the command."""
     asked = []
 
-    def walk(self, steps, amplitude, gait, **changes):
-        asked.append((steps, changes))
+    def plan_motion(self, robot, station):
+        asked.append((self, station))
         raise SimrobError("enough")
 
-    monkeypatch.setattr(LeggedRobot, "walk", walk)
+    monkeypatch.setattr(WalkMove, "plan_motion", plan_motion)
+    return asked
+
+
+@pytest.mark.parametrize(
+    ("content", "key"),
+    [("duration: 3.0\n", "duration"), ("reference:\n  kind: hold\n", "reference.kind")],
+)
+def test_a_file_of_settings_may_not_change_how_the_robot_moves(tmp_path, capsys, content, key):
+    (tmp_path / "quick.yaml").write_text(content)
+    arguments = ["walk", "roid1_dynamic", "--set", "sample_rate=50", "--set", "quick.yaml"]
+    assert run_command(arguments) == ExitCode.BAD_INPUT
+    err = capsys.readouterr().err
+    assert f"--set quick.yaml: {key}: the gait or act decides how the robot moves" in err
+
+
+def test_a_file_of_settings_may_have_any_name(tmp_path, capsys, planned):
+    (tmp_path / "duration.yaml").write_text("sample_rate: 50\n")
+    run_command(["walk", "roid1_dynamic", "--set", "duration.yaml"])
+    assert "enough" in capsys.readouterr().err
+    [(_, station)] = planned
+    assert station.sample_rate == 50
+
+
+def test_the_time_of_a_step_is_that_of_the_gait(planned):
     for options in ([], ["--step-time", "0.8"]):
         assert (
             run_command(["walk", "roid1_dynamic", *options, "--steps", "3"]) == ExitCode.BAD_INPUT
         )
-    assert asked == [(3, {}), (3, {"step_time": 0.8})]
+    assert [(walk.steps, walk.model_extra) for walk, _ in planned] == [
+        (3, {}),
+        (3, {"step_time": 0.8}),
+    ]
 
 
 @pytest.mark.long

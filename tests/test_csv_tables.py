@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from simrob_drake.base.errors import InvalidConfig
-from simrob_drake.base.files import read_columns
+from simrob_drake.base.files import read_columns, read_matrix
 
 NAMES = ["time", "joint_1"]
 GOOD = "joint_1, time ,note\n1.5,0,a\n2.5,1e-1,b\n"
@@ -32,6 +32,13 @@ def test_columns_are_found_by_name_and_rows_know_their_lines(tmp_path, content, 
     values, numbers = read_columns(written(tmp_path, content), NAMES)
     np.testing.assert_array_equal(values, [[0, 1.5], [0.1, 2.5]])
     assert numbers == lines
+
+
+@pytest.mark.parametrize(
+    "content", ["1.5,2\n3,0.25\n", "1.5;2\n3;0.25\n", "1,5;2\n3;0,25\n", "\n1,5;2,0\r\n3,0;0,25\n"]
+)
+def test_a_table_without_names_may_have_decimal_commas_in_any_line(tmp_path, content):
+    np.testing.assert_array_equal(read_matrix(written(tmp_path, content)), [[1.5, 2], [3, 0.25]])
 
 
 def test_a_table_may_have_no_rows(tmp_path):

@@ -642,6 +642,22 @@ def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, c
     assert "A command of odd-kit, which cannot be read" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("broken", ["raise RuntimeError('no card')", "raise SystemExit(3)"])
+def test_a_package_above_a_command_that_raises_anything_does_not_end_the_help(
+    install, tmp_path, capsys, broken
+):
+    install("odd-kit", "core='>=0', commands={'warm': 'odd_kit.tools.commands:warm'}")
+    tools = tmp_path / "odd_kit" / "tools"
+    tools.mkdir()
+    (tools / "__init__.py").write_text(broken)
+    (tools / "commands.py").write_text("def warm(): ...")
+    load_command(["warm"])
+    assert run_command(["--help"]) == 0
+    assert "A command of odd-kit, which cannot be read" in capsys.readouterr().out
+    assert run_command(["warm"]) == 2
+    assert "odd_kit.tools.commands:warm cannot be imported" in capsys.readouterr().err
+
+
 def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install, capsys):
     install("odd-kit", "core='>=99', commands={'warm': 'odd_kit.commands:warm'}")
     assert run_command(["warm"]) == 2

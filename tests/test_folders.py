@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from threading import Event, Thread
 
@@ -11,7 +12,14 @@ import pytest
 
 from simrob_drake.base import folders
 from simrob_drake.base.errors import OutputError
-from simrob_drake.base.folders import CACHE_VARIABLE, cache_entry, filled_at_once, replaced_at_once
+from simrob_drake.base.folders import (
+    CACHE_VARIABLE,
+    cache_entry,
+    filled_at_once,
+    replaced_at_once,
+    writing,
+)
+from simrob_drake.base.messages import in_language
 
 MARKER = "summary.json"
 
@@ -30,6 +38,15 @@ def test_a_folder_appears_whole_with_the_permissions_that_the_user_wants(tmp_pat
         os.umask(before)
     assert (tmp_path / "runs" / "new").stat().st_mode & 0o777 == 0o750
     assert [path.name for path in tmp_path.rglob("*")] == ["runs", "new", MARKER]
+
+
+@pytest.mark.parametrize("manager", [replaced_at_once, partial(filled_at_once, marker=MARKER)])
+def test_an_error_names_the_target_in_other_languages_too(tmp_path, manager):
+    target = tmp_path / "out"
+    with pytest.raises(OutputError) as raised, manager(target) as work, writing(work):
+        raise OSError(28, "No space left on device")
+    assert raised.value.message == f"{target} cannot be written: No space left on device"
+    assert in_language(raised.value.message, "es").startswith(f"no se puede escribir {target}: ")
 
 
 def test_the_second_of_two_with_one_name_does_not_erase_the_first(tmp_path):

@@ -180,18 +180,22 @@ class Uniform(Distribution):
         """Compute the value up to which a share of all draws lies, from 0 to 1.
 
         With the ends a and b and the share p, it is a + (b - a) p, or a (b / a)^p if the logarithm is uniform.
+
+        If the values are integers, the ends are half a number outside of `low` and `high`, and the value is rounded.
+        All integers then have the same share, unless the logarithm is uniform.
         """
         # A search may ask for parts slightly beyond the ends.
         part = min(max(float(part), 0.0), 1.0)
+        # For integers, these are not `self.low` and `self.high`.
         low, high = self._ends
         value = low * (high / low) ** part if self.log else low + (high - low) * part
-        # Rounding may bring the value beyond an end.
+        # The last digit of a float may be wrong, so that the value is slightly beyond an end.
         value = min(max(float(value), low), high)
         if not self.integer:
             return value
-        # Python's round() takes halves to the even number, which would be drawn more often.
+        # Not Python's round(), which rounds a half to the even number.
         nearest = floor(value + 0.5)
-        # The upper end, high + 0.5, would become high + 1.
+        # The upper end, `self.high` + 0.5, would become `self.high` + 1.
         return int(min(max(nearest, self.low), self.high))
 
     def part(self, value: Any) -> float:
@@ -219,10 +223,10 @@ class Uniform(Distribution):
 
     @property
     def _ends(self) -> _Ends:
-        """Ends of the range of values before they are rounded.
+        """Ends of the range of values before they are rounded to integers.
 
-        The range of whole numbers is half a number longer at each end: without that, the first and the last number
-        would be drawn half as often as the others.
+        The range of integers is half a number longer at each end. Each integer then has an interval of length 1 whose
+        values are rounded to it; otherwise `low` and `high` would have only half of such an interval.
         """
         if self.integer:
             return _Ends(self.low - 0.5, self.high + 0.5)

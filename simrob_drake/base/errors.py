@@ -242,14 +242,16 @@ def nearest_name(name: object, known: Iterable[str]) -> str | None:
         known: the known names.
     """
     names = sorted(set(known))
-    # Capitals do not count: "Kp" is "kp". Of names that differ in capitals alone, such as "A" and "a", each is known.
-    known_by_lower = {known_name.lower(): known_name for known_name in names}
-    written = format_value(name)
+    text = format_value(name)
     # 0.6 is difflib's own default: three letters in five agree, as in a word with a typing error.
-    close = difflib.get_close_matches(written, names, n=1, cutoff=0.6)
-    # For difflib a capital and its small letter differ, so a name in capitals is compared once more in small letters.
-    close = close or difflib.get_close_matches(written.lower(), known_by_lower, n=1, cutoff=0.6)
-    return known_by_lower.get(close[0], close[0]) if close else None
+    close = difflib.get_close_matches(text, names, n=1, cutoff=0.6)
+    if close:
+        return close[0]
+    # For difflib a capital and its small letter differ, so that "KP" is not like "kp": all names are compared once more
+    # in small letters. Of names that differ in capitals alone, such as "Kp" and "kp", only the last one is compared.
+    known_by_lower = {known_name.lower(): known_name for known_name in names}
+    close = difflib.get_close_matches(text.lower(), known_by_lower, n=1, cutoff=0.6)
+    return known_by_lower[close[0]] if close else None
 
 
 def _join_location(where: Path | str, what: str, problem: str) -> str:

@@ -732,7 +732,11 @@ def _version_problem(core: str) -> str:
 
 
 def _malformed_addition(extension: Extension) -> str:
-    """Describe the first entry of an extension that is no import string, in one line; empty if there is none."""
+    """Describe the first malformed addition of an extension, in one line. Empty if all are well formed.
+
+    The target of an addition must be an import string. A command of two words, such as ``course check``, also needs the
+    command of its first word in the same extension. Nothing is imported.
+    """
     for point, described in POINTS.items():
         for name, target in getattr(extension, point).items():
             module_name, _, attribute = str(target).partition(":")

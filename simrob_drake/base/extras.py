@@ -43,7 +43,8 @@ def lacking(what: str, extra: str) -> str:
     """Message that something needs an extra, with the command that installs it.
 
     Args:
-        what: what needs the extra, such as "a video".
+        what: beginning of the message, before "needs the extra": a noun such as "a video", or more words, such as
+            "arm.xml is an MJCF file, which".
         extra: name of the extra.
     """
     return message(

@@ -206,12 +206,15 @@ def read_columns(file: Path, names: Sequence[str]) -> Columns:
 def read_matrix(file: Path) -> NDArray[np.float64]:
     """Read a table without names, shape (lines, columns).
 
+    Cells are separated by semicolons if the first line has any, and their numbers may then have decimal commas.
+    Otherwise commas separate the cells.
+
     Raises:
         InvalidConfig: the file cannot be read, has no line, or has a line with another count of cells than the first or
             with something that is no finite number.
     """
     values = list[list[float]]()
-    for row in _rows(file):
+    for row in _rows(file, has_names=False):
         # The numbers are checked first: in a table with text, a wrong count of cells is the smaller problem.
         values.append(_numbers(row, range(len(row.cells)), file))
         if len(row.cells) != len(values[0]):
@@ -261,20 +264,27 @@ def _header(rows: Iterator[_Row], file: Path) -> _Row:
     return header._replace(cells=[name.strip() for name in header.cells])
 
 
-def _rows(file: Path) -> Iterator[_Row]:
-    """Yield the rows of a table that are not empty.
+def _rows(file: Path, *, has_names: bool = True) -> Iterator[_Row]:
+    """Yield the rows of a table that are not empty, a line of names among them.
 
-    Cells are separated by commas, or by semicolons if the first line has semicolons but no comma, as spreadsheets write
-    tables in languages with decimal commas.
+    Cells are separated by commas, or by semicolons, as spreadsheets write tables in languages with decimal commas. The
+    first line decides which. Decimal commas become points.
+
+    Args:
+        file: the file.
+        has_names: whether the first line contains the names of the columns. Otherwise it contains numbers.
 
     Raises:
         InvalidConfig: the file cannot be read.
     """
     try:
         text = text_of(file, LARGEST_TABLE)
-        # The first line has names, never numbers, so a comma in it is a separator.
         first_line = text.lstrip().partition("\n")[0]
-        has_semicolons = ";" in first_line and "," not in first_line
+        has_semicolons = ";" in first_line
+        # Names have no decimal commas, so a comma between them is a separator, and a semicolon is a part of a name. No
+        # number contains a semicolon, so between numbers it is always the separator.
+        if has_names and "," in first_line:
+            has_semicolons = False
         # Each call of readline gives a line, or an empty text at the end of the file. A file in which no line ends is
         # read in pieces, since the reader refuses a cell of such a length.
         stream = io.StringIO(text)

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from simrob_drake.base.errors import InvalidParameter, OutputError
-from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.messages import join_texts, message, replace_text
 
 CACHE_VARIABLE = "XDG_CACHE_HOME"
 """Environment variable with the folder of all programs' caches. If it is not set, that is ``~/.cache``."""
@@ -288,11 +288,16 @@ def alone_in(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def _errors_with_target(work: Path, target: Path) -> Iterator[None]:
-    """Replace the working folder in the text of errors by the folder that the user has named."""
+    """Context manager that names the user's target in the messages of an OutputError, instead of the temporary path.
+
+    Args:
+        work: the temporary file or folder.
+        target: the file or folder that the user has named.
+    """
     try:
         yield
     except OutputError as problem:
-        raise OutputError(str(problem).replace(str(work), str(target))) from None
+        raise OutputError(replace_text(problem.message, str(work), str(target))) from None
 
 
 @contextmanager

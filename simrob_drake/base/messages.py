@@ -185,6 +185,23 @@ def join_texts(parts: Iterable[str], separator: str = ", ") -> Message:
     return compound(between.join(f"{{{name}}}" for name in fields), **fields)
 
 
+def replace_text(text: str, old: str, new: str) -> str:
+    """Replace a part of a text, such as the path of a temporary file. A message keeps its id.
+
+    Args:
+        text: the text. In a message, the part is replaced in the values of the fields, not in the template.
+        old: the part.
+        new: what takes its place.
+    """
+    if not isinstance(text, Message):
+        return text.replace(old, new)
+    fields = {
+        name: replace_text(value, old, new) if isinstance(value, str) else value
+        for name, value in text.fields.items()
+    }
+    return Message(text.id, text.template, fields, text.longest, text.is_sentence)
+
+
 def message_of(error: BaseException) -> str:
     """Message of an error: a Message if the error has one, or was raised with one, otherwise its text."""
     # A SimrobError has the attribute; a ValueError of a validator has only its argument.

@@ -653,12 +653,13 @@ def _check_inertia(inertia: tuple[float, ...]) -> tuple[float, ...]:
                 "an inertia has three moments Ixx Iyy Izz, or six numbers with the products Ixy Ixz Iyz",
             )
         )
-    # All mass is positive, from which the triangle inequality of the principal moments follows.
+    # All mass is positive, from which the triangle inequality of the principal moments follows. Without products, the
+    # three moments are the principal ones.
     if not RotationalInertia(*inertia).CouldBePhysicallyValid():
         raise ValueError(
             message(
                 "base.impossible_inertia",
-                "no body can have these moments of inertia: one is negative, or larger than "
+                "no body can have this inertia: a principal moment is negative, or larger than "
                 "the sum of the other two",
             )
         )

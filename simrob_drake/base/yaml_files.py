@@ -68,7 +68,11 @@ class _Loader(yaml.CSafeLoader):
             ) from problem
 
     def construct_scalar(self, node: yaml.ScalarNode | yaml.MappingNode) -> Any:
-        """Make the text of a node. A character that no text has is an error."""
+        """Make the text of a node. A character that no text has is an error.
+
+        PyYAML calls this for a mapping, too: YAML 1.1 allows a mapping with the key ``=`` instead of a text, and the
+        value of this key is then the text.
+        """
         text = super().construct_scalar(node)
         # Such a text would fail only later, as the name of a file or in a table.
         if "\0" in text or _SURROGATE.search(text):

@@ -106,7 +106,8 @@ def _unexpected_error(problem: BaseException) -> str:
 def _missing_package(module: str, arguments: list[str]) -> str:
     """Write the message for a module that cannot be imported: what the command needs, and how to install it.
 
-    A module of this package is missing only in a damaged installation.
+    A module of this package is missing only in a damaged installation. Of any other module, the name of the top package
+    is taken as its name for pip, although a few packages have another one there, such as PyYAML for the module yaml.
     """
     command = f"simrob {arguments[0]}" if arguments else "simrob"
     package = module.partition(".")[0]

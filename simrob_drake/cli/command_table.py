@@ -218,9 +218,9 @@ def _docstrings_of_module(module: str) -> dict[str, str] | None:
             return None
         source = Path(spec.origin).read_text(encoding="utf-8")
         return _docstrings(ast.parse(source))
-    # `find_spec` imports the packages above the module, and the source may be damaged. `simrob extensions --check`
-    # reports the reason; the list of commands must not fail because of it.
-    except (ImportError, OSError, SyntaxError, ValueError):
+    # `find_spec` imports the packages above the module, whose code may raise anything, and the source may be damaged.
+    # `simrob extensions --check` reports the reason; the list of commands must not fail because of it.
+    except (Exception, SystemExit):
         return None
 
 

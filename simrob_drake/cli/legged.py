@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from simrob_drake.base.errors import InvalidParameter, SimrobError, Unsuitable
-from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.cli import ExitCode
-from simrob_drake.cli.arguments import station_from
+from simrob_drake.cli.arguments import changes_of, station_from
 from simrob_drake.cli.options import (
     OptionalStation,
     Saving,
@@ -25,6 +25,7 @@ from simrob_drake.stations.load import load_station, station_names
 if TYPE_CHECKING:
     from simrob_drake.programs.arm import Workcell
     from simrob_drake.programs.legged_robot import LeggedRobot
+    from simrob_drake.programs.moves.move import Move
 
 RobotOption = Annotated[
     str | None,
@@ -96,14 +97,19 @@ def walk(
     if station is None:
         raise _missing_station("simrob walk", with_steps=True)
 
-    def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
-        """Walk. Returns the run, and a sentence about the count of steps."""
+    def walk_of_options() -> "Move":
+        """Make the walk. Raises InvalidParameter if an option has a wrong value."""
+        # Few commands need programs, which load scipy.
+        from simrob_drake.programs.moves.move import make_move
+        from simrob_drake.programs.moves.walk import WalkMove
+
         # The gait keeps its own step time unless the user gives one: None would be a wrong value.
         changes: dict[str, Any] = {} if step_time is None else {"step_time": step_time}
-        result = legged_robot.walk(steps, amplitude, gait, **changes)
-        return result, _steps_taken(legged_robot, gait, steps)
+        return make_move(WalkMove, steps=steps, amplitude=amplitude, gait=gait, **changes)
 
-    return _save_move(station, set_, robot, saving, perform, entry=f"walk: {{steps: {steps}}}")
+    return _do_move(
+        station, set_, robot, saving, walk_of_options, entry=f"walk: {{steps: {steps}}}"
+    )
 
 
 @with_mesh_path
@@ -145,11 +151,15 @@ def act(
         return _list_acts(station, set_, robot)
     act_name = name
 
-    def perform(legged_robot: "LeggedRobot") -> tuple[SimulationResult, str]:
-        """Do the act. Returns the run, and an empty text: nothing is said about an act."""
-        return legged_robot.act(act_name), ""
+    def act_of_name() -> "Move":
+        """Make the act."""
+        # Few commands need programs, which load scipy.
+        from simrob_drake.programs.moves.move import make_move
+        from simrob_drake.programs.moves.walk import ActMove
 
-    return _save_move(station, set_, robot, saving, perform, entry=f"act: {name}")
+        return make_move(ActMove, name=act_name)
+
+    return _do_move(station, set_, robot, saving, act_of_name, entry=f"act: {name}")
 
 
 def _missing_station(command: str, *, with_steps: bool) -> SimrobError:
@@ -233,19 +243,22 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
     return ExitCode.DONE
 
 
-def _steps_taken(legged_robot: "LeggedRobot", gait: str | None, steps: int) -> str:
-    """Sentence about the count of steps of a walk that begins and ends with shorter steps. Empty for any other walk.
+def _steps_taken(legged_robot: "LeggedRobot", move: "Move") -> str:
+    """Sentence about the count of steps of a walk that begins and ends with shorter steps. Empty for any other move.
 
     Args:
         legged_robot: the robot.
-        gait: name of the gait. None if it is the first one for the robot's feet.
-        steps: length of the walk, in full step lengths.
+        move: the move, which the robot can do.
     """
     from simrob_drake.programs.gaits.phases import ramp_shares
     from simrob_drake.programs.gaits.registry import first_gait, gaits_of
+    from simrob_drake.programs.moves.walk import WalkMove
 
+    if not isinstance(move, WalkMove):
+        return ""
+    steps = move.steps
     gaits = gaits_of(legged_robot.model, steps=True)
-    name = gait
+    name = move.gait
     if name is None:
         name = first_gait(legged_robot.model, legged_robot.worn_feet, gaits)
     # Only gaits with full steps of one length begin and end with shorter ones.
@@ -264,56 +277,58 @@ def _steps_taken(legged_robot: "LeggedRobot", gait: str | None, steps: int) -> s
     )
 
 
-def _save_move(
+def _do_move(
     station: str,
     settings: list[str] | None,
     robot: str | None,
     saving: Saving,
-    perform: "Callable[[LeggedRobot], tuple[SimulationResult, str]]",
+    make: "Callable[[], Move]",
     *,
     entry: str,
 ) -> ExitCode:
-    """Do a move with a robot of a station, and save the run.
+    """Do a move with a robot of a station, save and show the run, and show how a program has several moves.
 
     Args:
         station: name or file of the station.
         settings: changes of the station, as the option ``--set`` takes them.
         robot: name of the robot. None if the station has only one.
         saving: how the run is shown and saved.
-        perform: does the move; returns the run, and a sentence about it, which may be empty.
+        make: makes the move. It may raise an error about an option of the command.
         entry: the move as an entry of a program's file, such as ``act: bow``.
+
+    Returns:
+        exit code of the run.
 
     Raises:
         Unsuitable: a change is of the duration or the reference, which the move decides.
+        SimrobError: another change is wrong, or the robot cannot do the move.
     """
-    # A change that the move would overwrite without a word is refused.
-    for setting in settings or []:
-        key, _, _ = setting.partition("=")
-        section, _, _ = key.strip().partition(".")
-        if section in ("duration", "reference"):
-            raise Unsuitable(
-                message("cli.set_option", "--set {setting}", setting=setting),
-                message(
-                    "cli.gait_says_how",
-                    "the gait or act decides how the robot moves, and for how long",
-                ),
-            )
+    _refuse_changes_of_motion(settings)
 
     def prepare(cell: "Workcell") -> Callable[[], tuple[SimulationResult, str]]:
-        """Find the robot in the workcell. Returns the function that does the move."""
+        """Plan the move in the workcell. Returns the function that does the move."""
         from simrob_drake.programs.legged_robot import LeggedRobot
+        from simrob_drake.programs.stages import stages_of
 
         legged_robot = LeggedRobot(cell, robot)
+        move = make()
+        # The plan is made here, so that a wrong name or a step out of reach is reported before the user opens the
+        # browser. One move is one stage, which keeps the plan until it runs.
+        [stage] = stages_of(legged_robot, [move], cell.config)
 
-        def move() -> tuple[SimulationResult, str]:
+        def do_move() -> tuple[SimulationResult, str]:
             """Do the move. Returns the run, and the sentences about it, joined."""
-            result, remark = perform(legged_robot)
-            sentences = [locomotion_sentence(result, legged_robot.name), remark]
+            result = stage.run(legged_robot)
+            # Only an action without a run, such as attaching a piece, has no result.
+            assert result is not None
+            sentences = [
+                locomotion_sentence(result, legged_robot.name),
+                _steps_taken(legged_robot, move),
+            ]
             return result, join_texts([sentence for sentence in sentences if sentence], "; ")
 
-        return move
+        return do_move
 
-    # Errors of the move occur in `prepare`, before the browser is opened and before anything is simulated.
     code = done_in_workcell(station_from(station, settings), saving, prepare)
     # Users who want several moves would otherwise look for an option of this command.
     say_text(
@@ -326,6 +341,35 @@ def _save_move(
         "dim",
     )
     return code
+
+
+def _refuse_changes_of_motion(settings: list[str] | None) -> None:
+    """Check that no change of a station is one that a gait or an act would overwrite.
+
+    Args:
+        settings: changes of the station, as the option ``--set`` takes them.
+
+    Raises:
+        Unsuitable: a change is of the duration or the reference.
+        SimrobError: a change has another form, or its file cannot be read.
+    """
+    for setting in settings or []:
+        # The keys are read as for the station: a setting may be a YAML file, whose name says nothing about its keys.
+        for key in changes_of([setting], "--set"):
+            section, _, _ = key.partition(".")
+            if section not in ("duration", "reference"):
+                continue
+            option: str = message("cli.set_option", "--set {setting}", setting=setting)
+            # The setting is a file, so the user needs the key in it, too.
+            if "=" not in setting:
+                option = compound("{option}: {key}", option=option, key=key)
+            raise Unsuitable(
+                option,
+                message(
+                    "cli.gait_says_how",
+                    "the gait or act decides how the robot moves, and for how long",
+                ),
+            )
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"walk": walk, "act": act}

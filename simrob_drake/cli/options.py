@@ -416,8 +416,12 @@ def _signature(
 
     Args:
         command: the command.
-        name: name of the parameter that is replaced. If there is none of this name, the signature has the same ones.
+        name: name of the parameter that is replaced. If the command has none of this name, such as "", it keeps all of
+            its parameters, and `instead` is not used.
         instead: parameters that take its place.
+
+    Returns:
+        the signature, without the type of the returned value, which typer does not need.
     """
     parameters = list[inspect.Parameter]()
     for parameter in inspect.signature(command, eval_str=True).parameters.values():

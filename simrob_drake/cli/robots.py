@@ -264,12 +264,16 @@ def _grant_robot_folders(station: Path, sources: Iterable[Path]) -> str:
 
     Returns:
         options ``--mesh-path`` that commands with the station need, each with a space in front. Empty if they need
-        none: nothing is outside of the package, or this computer remembers the folders, which is then shown.
+        none: nothing is outside of the package, or this computer remembers the folders. In the latter case, the options
+        for other computers are shown.
     """
     folders = _packages_outside(station, sources)
+    if not folders:
+        return ""
     flags = "".join(f" --mesh-path {shlex.quote(str(folder))}" for folder in folders)
-    # If the disk cannot be written, the user gives the folders as options of each command.
-    if not folders or not remember_grants(station, folders):
+    is_remembered = remember_grants(station, folders)
+    # The disk cannot be written, so the user gives the folders as options of each command.
+    if not is_remembered:
         return flags
     text = message(
         "cli.station_may_read",

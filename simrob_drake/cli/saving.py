@@ -260,10 +260,12 @@ def _show_verdict(
 ) -> None:
     """Show a verdict: its sentence, the table of its criteria if a bound is violated, and its remarks with remedies.
 
+    A run that failed has no table.
+
     Args:
         verdict: the verdict.
         name: beginning of the sentence, such as "irb120_dynamic: ".
-        with_table: whether the table is shown even if all values are within their bounds.
+        with_table: whether the table is also shown if all values are within their bounds.
         shown_before: texts of warnings that were shown before the run, and are left out.
     """
     # The first remark sums up the run.

@@ -336,6 +336,9 @@ def payload_lines(robot: RobotModel) -> list[str]:
     """Sentences about the mass that an arm can hold at its first tool: at home, and in its weakest posture.
 
     A posture in which no motor limits the mass has no sentence.
+
+    Args:
+        robot: an arm, with at least one tool. All moving links have a mass.
     """
     dynamics = Dynamics.of_robot(robot)
     lines = list[str]()

@@ -371,7 +371,12 @@ WRONG = [
     ("rows: [{limit_deg: [0, 1], effort: 1, mass: -1}]", r"dh\.rows\[\d\]\.mass: .*at least 0"),
     (
         "rows: [{limit_deg: [0, 1], effort: 1, inertia: [1, 1, 3]}]",
-        r"dh\.rows\[\d\]\.inertia: no body can have these",
+        r"dh\.rows\[\d\]\.inertia: no body can have this inertia: a principal moment is .* larger than",
+    ),
+    # The three moments are right, but the products make one of the principal moments negative.
+    (
+        "rows: [{limit_deg: [0, 1], effort: 1, inertia: [1, 1, 1, 2, 0, 0]}]",
+        r"dh\.rows\[\d\]\.inertia: no body can have this inertia: a principal moment is negative",
     ),
     ("rows: [{limit_deg: [0, 1], effort: 1, com: [1]}]", r"dh\.rows\[\d\]\.com: needs 3 values"),
     ("rows: [1]", r"dh\.rows"),
