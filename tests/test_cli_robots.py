@@ -201,7 +201,7 @@ def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tm
         (["import", "{raw}", "--mesh-path", "{raw}"], "is a file"),
         (
             ["view", "irb120", "--collision", "box"],
-            "--collision: this is no file of a robot",
+            "--collision: this is not the file of a robot",
         ),
         (["view", "irb121"], "did you mean 'irb120'"),
         (["view", "none.urdf"], "none.urdf"),

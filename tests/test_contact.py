@@ -278,7 +278,7 @@ class TestForceStop:
             "monitors.stop.limit": "hands_and_fingers",
         }
         result = simulate(load_station("irb120_force_stop", by_region))
-        assert "limit of 140 N of hands and fingers" in result.message
+        assert "limit of 140 N (hands and fingers)" in result.message
 
     def test_an_arm_that_stays_above_the_floor_is_not_stopped(self):
         high = {

@@ -283,7 +283,7 @@ def test_cenic_with_a_plant_of_another_name():
     plant.set_name("world")
     with pytest.raises(
         SimrobError,
-        match=r"needs a single plant in the simulated diagram, named plant.*there is: world",
+        match=r"needs a single plant in the simulated diagram, named plant.*the diagram has: world",
     ):
         simulate_diagram(builder.Build(), ports, duration=0.1, progress=False)
 

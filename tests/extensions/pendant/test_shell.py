@@ -397,7 +397,7 @@ def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out()
         await heard(
             pendant.session, "message", message=Notice(fills={"text": "kp is -1"}, wrong=True)
         )
-        (place,) = elements(user, role="status")
+        (place,) = elements(user, role="region")
         (line,) = place.default_slot.children
         assert "pendant-failure" in line.classes
         assert [one.text for one in line.default_slot.children if isinstance(one, ui.label)] == [
@@ -409,7 +409,7 @@ def test_a_message_is_told_in_the_page_s_language_and_what_is_wrong_stands_out()
 
 def severities(user):
     """Severity and text of each line of the message, in order."""
-    (place,) = elements(user, role="status")
+    (place,) = elements(user, role="region")
     found = []
     for line in place.default_slot.children:
         severity = [
@@ -509,7 +509,7 @@ def test_a_verdict_is_marked_as_old_once_a_run_begins_or_the_station_changes():
     """It stayed as it was below the next run, and below a station with other keys."""
 
     def is_old(user):
-        (place,) = elements(user, role="status")
+        (place,) = elements(user, role="region")
         return "pendant-old" in place.classes
 
     def marks(user):
