@@ -159,3 +159,14 @@ def test_a_walk_can_be_watched(tmp_path, capsys):
     assert run_command(arguments) == 0
     assert "watch the motion at http://127.0.0.1:" in capsys.readouterr().out
     assert (tmp_path / "r" / "summary.json").is_file()
+
+
+@pytest.mark.parametrize("command", ["walk", "act"])
+def test_without_a_station_those_are_listed_on_which_the_command_works(capsys, command):
+    """A robot whose trunk is held cannot step, but it can go through the postures of an act."""
+    assert run_command([command]) == ExitCode.BAD_INPUT
+
+    told = " ".join(capsys.readouterr().err.split())
+    names = told.rpartition(": ")[2].split(", ")
+    assert "humanoid_dynamic" in names
+    assert ("humanoid_fixed" in names) == (command == "act")

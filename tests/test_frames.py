@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
+from scipy.spatial.transform import Rotation
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.base.frames import (
     as_transform,
+    lean,
     point,
     pose_from_transform,
     poses_from_matrices,
@@ -158,6 +160,27 @@ def test_all_forms_of_a_pose_are_one() -> None:
 def test_a_matrix_that_is_no_rigid_motion_is_refused(matrix: np.ndarray) -> None:
     with pytest.raises(InvalidParameter, match="a rotation, a position, and the last row 0 0 0 1"):
         as_transform(matrix)
+
+
+@pytest.mark.parametrize(("sense", "angle"), [(1.0, 0.0), (-1.0, np.pi)])
+def test_the_lean_of_a_body_that_is_upright_or_upside_down_is_found_despite_rounding(
+    sense: float, angle: float
+) -> None:
+    """Rounding brings the cosine of about a third of these bodies beyond 1 or -1, where acos fails."""
+    found = []
+    for rotation in Rotation.random(200, random_state=1):
+        up = sense * rotation.inv().apply([0.0, 0.0, 1.0])
+        x, y, z, w = rotation.as_quat().tolist()
+        found.append(lean(up.tolist(), w, x, y, z))
+
+    assert found == pytest.approx([angle] * 200, abs=1e-7)
+
+
+@pytest.mark.parametrize("angle", [-2.0, -0.3, 0.3, 2.0])
+def test_the_lean_of_a_body_has_no_sign(angle: float) -> None:
+    found = lean([0.0, 0.0, 1.0], np.cos(angle / 2), 0.0, np.sin(angle / 2), 0.0)
+
+    assert found == pytest.approx(abs(angle))
 
 
 class TestThreePoints:

@@ -11,7 +11,7 @@ from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.simulation import Runner, simulate_diagram
+from simrob_drake.simulation import Runner, Ticks, simulate_diagram
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
@@ -337,3 +337,14 @@ def test_pushes_are_those_of_the_run_for_which_a_diagram_is_first_needed():
     runner.run()
     other = {"push": {"start": 0.02, "force": [0, 5, 0]}}
     assert np.array_equal(runner.run(pushes=other).values, Runner(config).run(pushes=other).values)
+
+
+def test_repeated_steps_are_counted_over_the_whole_run_although_the_solver_starts_anew() -> None:
+    """The solver repeats most steps at the start of the move, which is before the tick in the middle."""
+    runner = Runner(load_station("irb120_dynamic"))
+
+    first_half = runner.run(duration=0.3)
+    whole = runner.run(duration=0.6, ticks=Ticks(0.3))
+
+    assert first_half.shortened > whole.shortened / 2
+    assert whole.shortened > first_half.shortened

@@ -156,6 +156,33 @@ def test_a_model_that_is_merged_is_where_drake_has_it(tmp_path):
             np.testing.assert_allclose(one, other, rtol=1e-6, atol=1e-8)
 
 
+def test_a_model_that_is_merged_keeps_the_order_of_its_joints(tmp_path):
+    """The axes of the robot have the order of the file, those of the merged model in the place of its ``include``."""
+    joints = "".join(
+        f'<link name="{name}_link">{INERTIA.format(1)}</link>'
+        f'<joint name="{name}" type="revolute"><parent>body</parent><child>{name}_link</child>'
+        f"{AXIS.format('0 0 1', '', '')}</joint>"
+        for name in ("second", "third")
+    )
+    inner = f'<sdf version="1.9"><model name="inner">{joints}</model></sdf>'
+    outer = f"""<sdf version="1.9"><model name="outer">
+      <link name="body">{INERTIA.format(3)}</link>
+      <link name="first_link">{INERTIA.format(1)}</link>
+      <joint name="first" type="revolute"><parent>body</parent><child>first_link</child>
+        {AXIS.format("0 0 1", "", "")}</joint>
+      <include merge="true"><uri>model://inner/model.sdf</uri></include>
+      <link name="fourth_link">{INERTIA.format(1)}</link>
+      <joint name="fourth" type="revolute"><parent>body</parent><child>fourth_link</child>
+        {AXIS.format("0 0 1", "", "")}</joint>
+    </model></sdf>"""
+    file = put(tmp_path, outer)
+    (tmp_path / "models" / "inner" / "model.sdf").write_text(inner)
+
+    robot = import_robot(file, tmp_path / "out", ImportOptions(base="fixed"), isolated=False)
+
+    assert list(robot.model.axes) == ["first", "second", "third", "fourth"]
+
+
 def test_colours_and_what_is_lost(tmp_path):
     robot = imported(tmp_path, ARM.format(version="1.6", old=""))
     upper = robot.model.element.find("link[@name='upper']")

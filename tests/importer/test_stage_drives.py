@@ -1,11 +1,13 @@
 """Every movable joint has one motor, strong and fast enough to move what hangs on it."""
 
+import xml.etree.ElementTree as ET
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from repair_stages import ARM, DRIVE, END, INERTIA, LIMIT, Repaired, joint, with_defect
 
+from simrob_drake.importer.repairs.drives import _loads
 from simrob_drake.robots.imports import ImportOptions
 
 HAND = f'<link name="hand"><inertial><origin xyz="0 0 0.2"/><mass value="2"/>{INERTIA}</inertial></link>'
@@ -304,3 +306,33 @@ def test_a_follower_keeps_its_motor(tmp_path):
 def test_a_passive_joint_gets_no_speed_limit(tmp_path):
     done = Repaired(TWO.replace(ELBOW, ELBOW.replace('velocity="3"', 'velocity="0"')), tmp_path)
     assert np.isinf(done.plant.GetJointByName("elbow").velocity_upper_limits()).all()
+
+
+def test_the_load_on_a_joint_is_that_of_the_stretched_arm_behind_it():
+    """Three links whose origins are 1 m and 0.8 m apart, against sums over their centres of mass."""
+    masses = np.array([2.0, 3.0, 1.0])  # kg
+    centres = np.array([0.5, -0.4, 0.3])  # m, along x of each link: a sense does not matter
+    lengths = np.array([1.0, 0.8])  # m, from the origin of each link to that of the next one
+    own = 0.01  # kg m², of each link about its centre of mass
+    links = "".join(
+        f'<link name="link_{number}"><inertial><origin xyz="{centre} 0 0"/><mass value="{mass}"/>'
+        f'<inertia ixx="{own}" iyy="{own}" izz="{own}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        for number, (mass, centre) in enumerate(zip(masses, centres, strict=True))
+    )
+    joints = "".join(
+        f'<joint name="joint_{number}" type="revolute"><origin xyz="{length} 0 0"/>'
+        f'<parent link="link_{number}"/><child link="link_{number + 1}"/></joint>'
+        for number, length in enumerate(lengths)
+    )
+
+    loads = _loads(ET.fromstring(f'<robot name="arm">{links}{joints}</robot>'))
+
+    for number in range(3):
+        origins = np.append(0.0, np.cumsum(lengths[number:]))
+        distances = origins + np.abs(centres[number:])
+        behind = masses[number:]
+        load = loads[f"link_{number}"]
+        assert load.mass == pytest.approx(behind.sum())
+        assert load.moment == pytest.approx(behind @ distances)
+        assert load.inertia == pytest.approx(behind @ distances**2 + own * len(behind))
+        assert load.reach == pytest.approx(distances.max())

@@ -88,6 +88,19 @@ def test_aiming(chain, target, home):
     assert _angle(found[:3, 2], ray / np.linalg.norm(ray)) < 1e-4  # the cone's figures are squares
 
 
+@pytest.mark.parametrize("aside", [-0.1, 0.1])
+def test_a_tool_beside_the_flange_aims_from_its_own_centre_point(irb120_chain, target, home, aside):
+    chain = irb120_chain.with_tool([aside, 0.0, 0.07, 0.0, 0.0, 0.0])
+    lamp = np.array([0.5, 0.5, 0.0])
+    aim = Aiming(target=tuple(lamp), axis=(0.0, 0.0, 1.0))
+
+    solutions = ConstrainedSolver(chain, [aim], target="position").solve(target, home)
+
+    found = chain.forward(require(solutions))[0]
+    ray = lamp - found[:3, 3]
+    assert _angle(found[:3, 2], ray / np.linalg.norm(ray)) < 1e-4  # the cone's figures are squares
+
+
 def test_joint_bounds_and_fixed_joints(chain, target, home):
     goals = [
         JointBounds.at_position("joint_2", 0.0),

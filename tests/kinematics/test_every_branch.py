@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from simrob_drake.base.errors import InvalidParameter, UnknownName
-from simrob_drake.kinematics import NoClosedForm, branches
+from simrob_drake.kinematics import Chain, NoClosedForm, branches
+from simrob_drake.kinematics.every_branch import goal_postures
 
 REACHED = 1e-8  # m and rad
 SEARCH = "simrob_drake.kinematics.every_branch.AnalyticSolver"
@@ -134,3 +135,17 @@ def test_bad_holds(irb120_chain, home):
         branches(irb120_chain, irb120_chain.forward(home), home, {"joint3": 0.1})
     with pytest.raises(InvalidParameter, match="held: joint_3 is nan; it must be a finite number"):
         branches(irb120_chain, irb120_chain.forward(home), home, {"joint_3": np.nan})
+
+
+def test_axes_that_do_not_move_the_tool_stay_in_all_goals_of_a_planner(irb120_chain):
+    """With a tool at the elbow, the three axes of the wrist move nothing of it."""
+    place = irb120_chain.in_plant
+    elbow = place.plant.GetFrameByName("link_3")
+    chain = Chain.of_plant(place.plant, joints=place.joints, base=place.base, tool=elbow)
+    start = np.array([0.1, 0.0, 0.0, 0.7, -0.5, 0.3])
+    targets = chain.forward([[0.3, 0.4, -0.2, 0.0, 0.0, 0.0], [-0.4, 0.2, 0.1, 0.0, 0.0, 0.0]])
+
+    found = goal_postures(chain, targets, start)
+
+    assert len(found) >= 2  # one of each target at least
+    assert found[:, 3:] == pytest.approx(np.tile(start[3:], (len(found), 1)), abs=1e-9)

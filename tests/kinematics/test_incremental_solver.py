@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from simrob_drake.base.errors import InvalidParameter
 from simrob_drake.kinematics import IncrementalSolver, Unreachable, require
+from simrob_drake.kinematics.incremental import _damped_steps
 
 
 def _line(chain, start, way, count):
@@ -93,6 +94,34 @@ def test_passes_a_singular_wrist(irb120_chain):
     # the tool gives way by up to 7% of its 72 mm while damping holds axes 4 and 6 back
     assert away.max() < 5e-3
     assert solutions.reached[-1]
+
+
+@pytest.mark.parametrize(
+    ("smallest", "damping_squared"),
+    [
+        (0.05, 0.0),
+        (0.02, 0.0),
+        (0.015, 0.0016 * (1 - 0.75**2)),
+        (0.01, 0.0016 * (1 - 0.5**2)),
+        (0.005, 0.0016 * (1 - 0.25**2)),
+    ],
+)
+def test_damping_grows_as_nakamura_and_hanafusa_say(smallest, damping_squared):
+    """A step is J' (J J' + d I)^-1 e with d = 0.04² (1 - (s/0.02)²) for singular values s below 0.02."""
+    rotations = Rotation.random(4, random_state=3).as_matrix()
+    left = np.zeros((6, 6))
+    left[:3, :3], left[3:, 3:] = rotations[:2]
+    right = np.zeros((6, 6))
+    right[:3, :3], right[3:, 3:] = rotations[2:]
+    jacobian = left @ np.diag([1.0, 0.9, 0.8, 0.7, 0.6, smallest]) @ right
+    error = np.array([0.01, -0.02, 0.005, 0.0005, -0.001, 0.0008])
+
+    step = _damped_steps(jacobian[np.newaxis], error[np.newaxis])[0]
+
+    square = jacobian @ jacobian.T + damping_squared * np.eye(6)
+    expected = jacobian.T @ np.linalg.solve(square, error)
+    assert np.abs(expected).max() < 0.5  # the longest step
+    assert step == pytest.approx(expected, abs=1e-12)
 
 
 def test_exactly_singular_start(irb120_chain):

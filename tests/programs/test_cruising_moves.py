@@ -9,6 +9,7 @@ from simrob_drake.blocks.references import hermite, hermite_samples
 from simrob_drake.programs.errors import AccelerationLimitExceeded, SpeedLimitExceeded
 from simrob_drake.programs.segments import zone_size
 from simrob_drake.programs.smooth_path import RateLimits
+from simrob_drake.programs.timing import remedy
 from tests.programs.conftest import DOWN, HOME
 
 CORNERS = np.array(
@@ -232,3 +233,20 @@ def test_speeds_beyond_the_joints_are_refused_with_one_that_would_do(arm):
         AccelerationLimitExceeded, match=r"speed of .* m/s or less, or a larger zone"
     ):
         arm.plan.move_l(CORNERS[1:], wobj="table", speed=0.5, zone="z1")
+
+
+@pytest.mark.parametrize(
+    ("how", "order", "advice"),
+    [
+        ({"speed": 0.6, "acceleration": 8.0}, 2, "an acceleration of 2 m/s² or less"),
+        ({"speed": 0.6, "acceleration": 8.0}, 1, "a speed of 0.3 m/s or less"),
+        ({"speed": 0.6}, 2, "a speed of 0.3 m/s or less"),
+        ({}, 2, "a duration of 5 s or more"),
+    ],
+)
+def test_a_move_that_takes_twice_as_long_has_half_the_speed_and_a_quarter_of_the_acceleration(
+    how, order, advice
+):
+    text = remedy(how, order, slower=2.0, duration=5.0)
+
+    assert f"give the move {advice}" in text

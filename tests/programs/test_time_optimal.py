@@ -10,6 +10,7 @@ from simrob_drake import Arm, Workcell, load_station
 from simrob_drake.base.errors import InvalidParameter, UnknownName
 from simrob_drake.base.files import models_root
 from simrob_drake.programs.errors import SpeedLimitExceeded
+from simrob_drake.programs.time_optimal import _RobotMotion
 from tests.programs.conftest import DOWN, HOME
 
 FAR = (1.2, 0.6, -0.6, 0.5, 0.9, 1.0)
@@ -69,6 +70,23 @@ def test_weak_motors_take_longer(kinematic, heavy):
     strong, weak = (arm.plan.move_abs_j(FAR, profile="time_optimal") for arm in (kinematic, heavy))
     assert weak.duration > 1.1 * strong.duration
     assert 0.9 < shares(heavy, weak)[2] < 1.001
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 3.0])
+def test_the_torque_of_a_stretched_motion_is_that_of_a_move_that_lasts_as_long(heavy, factor):
+    parts = np.linspace(0.0, 1.0, 200)
+    quick = heavy.plan.move_abs_j(FAR, duration=0.5, check="nothing")
+    stretched = heavy.plan.move_abs_j(FAR, duration=0.5 * factor, check="nothing")
+    robot = heavy.cell.robot(heavy.name)
+    motion = _RobotMotion(
+        robot, heavy.cell.model.dynamics(heavy.name), *quick.motion(parts * quick.duration)
+    )
+
+    excess = motion.torque_excess(factor)
+
+    torques = heavy.inverse_dynamics(*stretched.motion(parts * stretched.duration))
+    expected = np.abs(torques / robot.gains.torque_limit).max()
+    assert excess == pytest.approx(expected, rel=1e-6)
 
 
 def test_motors_that_cannot_hold_the_arm_are_told():

@@ -146,3 +146,23 @@ def test_the_lowest_points_follow_the_foot(kind: str, under: float) -> None:
     np.testing.assert_allclose(
         found[1] - np.array([0, 0, 0.5]), contact.support_points("left_foot"), atol=1e-12
     )
+
+
+@pytest.mark.parametrize("tilt", [-0.4, 0.0, 0.4])
+def test_the_lowest_point_of_a_foot_with_a_radius_of_its_own_is_below_by_this_radius(
+    tilt: float,
+) -> None:
+    centre = (0.1, 0.0, 0.05)
+    contact = FootContact(
+        points={"left": (centre,), "right": (centre,)},
+        radius=0.01,
+        others={"right": {"radius": 0.03}},
+    )
+    pose = RigidTransform(RollPitchYaw(0.0, tilt, 0.0), [1.0, 2.0, 3.0])
+
+    left = contact.lowest_points("left", pose.GetAsMatrix4()[np.newaxis])
+    right = contact.lowest_points("right", pose.GetAsMatrix4()[np.newaxis])
+
+    middle = pose @ np.array(centre)
+    assert left[0, 0] == pytest.approx(middle - [0.0, 0.0, 0.01])
+    assert right[0, 0] == pytest.approx(middle - [0.0, 0.0, 0.03])

@@ -10,7 +10,7 @@ import yaml
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.record.summary import summary_of
-from simrob_drake.robots.motors import known_motors
+from simrob_drake.robots.motors import CommandBusConfig, known_motors
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
 from simrob_drake.stations.load import load_station
@@ -375,6 +375,23 @@ def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Pa
                 joint, {"servo.bus": {}, "servo.feedforward": "inverse_dynamics", "solver": RADAU}
             )
         )
+
+
+@pytest.mark.parametrize(
+    ("latency", "samples"),
+    [(0.0, 0), (0.004, 0), (0.006, 1), (0.014, 1), (0.29, 29), (0.57, 57), (1.0, 100)],
+)
+def test_a_latency_is_rounded_to_the_nearest_sample(latency: float, samples: int) -> None:
+    """In float64, 0.29 s and 0.57 s at 100 Hz are slightly less than 29 and 57 samples."""
+    bus = CommandBusConfig(rate=100.0, latency=latency)
+
+    assert bus.delay == samples
+
+
+@pytest.mark.parametrize("latency", [-0.01, 1.01])
+def test_a_latency_is_neither_negative_nor_longer_than_a_second(latency: float) -> None:
+    with pytest.raises(ValueError, match="latency"):
+        CommandBusConfig(latency=latency)
 
 
 def test_a_bus_is_drawn(joint: Path) -> None:

@@ -124,6 +124,23 @@ def test_no_joint_changes_by_more_than_the_largest_step(robot: tuple[Body, np.nd
     assert np.abs(change).max() == pytest.approx(LARGEST_STEP)
 
 
+@pytest.mark.parametrize(("move", "end"), [([0.3, 0.0, 0.3], "upper"), ([-0.3, 0.0, 0.3], "lower")])
+def test_legs_stay_within_their_limits_if_a_target_is_out_of_reach(
+    robot: tuple[Body, np.ndarray], move: list[float], end: str
+) -> None:
+    body, posture = robot
+    far = displace(sole_poses(body, posture), RotationMatrix.MakeZRotation(1.5), move)
+
+    body.set_posture(posture)
+    solved = body.solve_posture(np.eye(3), matrices(far), 30)
+
+    limits = body._upper if end == "upper" else body._lower
+    is_at_limit = solved[body._legs] == limits[body._legs]
+    assert is_at_limit.any()  # without a limit, these axes would go on
+    assert (solved >= body._lower).all()
+    assert (solved <= body._upper).all()
+
+
 def test_further_rounds_reach_the_target(robot: tuple[Body, np.ndarray]) -> None:
     body, posture = robot
     targets = displace(sole_poses(body, posture), RotationMatrix(), [0.02, 0.0, 0.02])

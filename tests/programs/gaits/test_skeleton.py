@@ -7,6 +7,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from pydrake.multibody.tree import MultibodyForces
 
 from simrob_drake.kinematics.skeleton import skeleton_of
+from simrob_drake.programs.gaits import zmp
 from simrob_drake.programs.gaits.biped import walk
 from simrob_drake.programs.gaits.phases import SAMPLE
 from simrob_drake.programs.gaits.zmp import whole_body_zmp
@@ -89,3 +90,21 @@ def test_the_zero_moment_point_is_that_of_inverse_dynamics():
         moment = wrench[:3] + np.cross(motion.root[row, :3, 3], wrench[3:])
         exact = np.array([-moment[1], moment[0]]) / wrench[5]
         np.testing.assert_allclose(ours[row], exact, atol=2e-4)  # differences of the second order
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 40])
+def test_the_zero_moment_point_does_not_depend_on_how_many_postures_are_computed_at_once(
+    monkeypatch: pytest.MonkeyPatch, chunk: int
+) -> None:
+    skeleton = skeleton_of("zjudancer")
+    motion = walk("zjudancer", 2)
+    rows = slice(100, 140)  # in the middle of a step
+    root = motion.root[rows]
+    positions = motion.positions[rows]
+    at_once = whole_body_zmp(skeleton, root, positions, SAMPLE)
+
+    monkeypatch.setattr(zmp, "_CHUNK", chunk)
+    in_chunks = whole_body_zmp(skeleton, root, positions, SAMPLE)
+
+    assert np.ptp(at_once, axis=0).max() > 0.001  # the point moves
+    assert in_chunks == pytest.approx(at_once, abs=1e-12)
