@@ -99,6 +99,8 @@ def test_a_branch_gives_the_whole_run_with_signals():
         SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be a push at 0.3 s"
     ):
         branch.run(pushes={"shove": {"start": 0.1, "force": [1, 0, 0]}})
+    with pytest.raises(SimrobError, match=r"pushes: shove is a push at 0.1 s; it must be"):
+        branch.outcome({"shove": {"start": 0.1, "force": [1, 0, 0]}})
 
 
 def test_a_branch_of_a_solver_with_memory_and_pushes():

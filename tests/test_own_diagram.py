@@ -118,6 +118,14 @@ def test_an_exception_inside_is_told_and_the_run_kept(tmp_path):
     assert result.save(tmp_path / "run", recording=False).is_dir()
 
 
+def test_an_exception_in_a_block_of_an_inner_diagram_names_the_block():
+    inner = DiagramBuilder()
+    inner.AddNamedSystem("shaky", Faulty())
+    result = simulate_diagram(*wired(arm(), box=inner.Build()), duration=0.5, progress=False)
+    assert (result.ending, result.stopped_by) == ("failed", "box::shaky")
+    assert "block box::shaky failed at 0.2 s" in result.message
+
+
 def test_a_station_in_a_box():
     config = arm()
     builder = DiagramBuilder()

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
+from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import Runner, State, load_station, simulate, simulate_diagram
 from simrob_drake.base.errors import SimrobError
@@ -138,6 +139,57 @@ def test_an_interruption_within_the_repeated_steps_goes_on_to_the_caller(monkeyp
     monkeypatch.setattr(RepeatedSteps, "compare", interrupt)
     with pytest.raises(KeyboardInterrupt):
         runner.run(duration=0.1, start=part.final_state, start_time="keep")
+
+
+def speed_up(time):
+    """Command of a walk: forward from 0.03 s on."""
+    return (0.05, 0.0, 0.0) if time > 0.03 else None
+
+
+@pytest.mark.parametrize("cut", [0.1, 0.5])
+def test_a_commanded_run_is_resumed_and_resumed_again(cut):
+    """The run of 0.1 s has too few steps to repeat the last of them, so that it is stepped again from its start."""
+    runner = Runner("roid1_walking", overrides={"duration": cut})
+    part = runner.run(commands={"walk": speed_up})
+    assert part.commanded == ("walk",)
+    resumed = runner.resume(part, until=cut + 0.1)
+    whole = Runner(part.config).run(duration=cut + 0.1)
+    assert_equal_runs(resumed, whole)
+    assert resumed.commanded == ("walk",)
+    again = runner.resume(resumed, until=cut + 0.2)
+    assert_equal_runs(again, Runner(part.config).run(duration=cut + 0.2))
+
+
+class Clock(LeafSystem):
+    """A block whose output is the time [s]."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorOutputPort(
+            "time", 1, lambda context, output: output.SetAtIndex(0, context.get_time())
+        )
+
+
+def test_a_commanded_run_with_own_blocks_needs_new_blocks():
+    runner = Runner("roid1_walking", blocks={"clock": Clock()})
+    part = runner.run(duration=0.5, commands={"walk": speed_up})
+    needs_new_blocks = r"to resume a run that functions commanded needs a Runner with new blocks"
+    with pytest.raises(SimrobError, match=needs_new_blocks):
+        runner.resume(part, until=0.6)
+    fresh = Runner("roid1_walking", blocks={"clock": Clock()})
+    assert fresh.resume(part, until=0.6)["clock.time"][-1] == pytest.approx(0.6)
+    with pytest.raises(SimrobError, match=needs_new_blocks):
+        fresh.resume(part, until=0.6)
+
+
+def test_a_new_monitor_that_ends_the_run_within_the_repeated_steps_is_no_interruption():
+    part = Runner("humanoid_dynamic").run(duration=0.3)
+    overrides = {"monitors.low": {"kind": "fall", "height": 10.0}}
+    kept = Runner("humanoid_dynamic", overrides=overrides).run(
+        duration=0.1, start=part.final_state, start_time="keep"
+    )
+    assert (kept.ending, kept.stopped_by) == ("monitor", "low")
+    assert kept.start_time == 0.3
 
 
 def test_what_cannot_be_resumed():

@@ -134,7 +134,7 @@ def test_a_busy_machine_is_blamed_only_if_a_whole_processor_would_do(
     monkeypatch.setattr(pace, "_SLOWEST", slowest)
     context = watch._built().diagram.CreateDefaultContext()
     context.SetTime(0.01)
-    watch._waited, watch._worked, watch._steps = 10.0, 0.1, 10
+    watch._wall_time, watch._processor_time, watch._steps = 10.0, 0.1, 10
     complaint = watch._slow_run_message(context)
     assert complaint.startswith(
         "irb120_dynamic runs at 0.001 × real time with 1 % of a processor (0.1 × with a whole"

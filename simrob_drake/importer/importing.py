@@ -400,7 +400,9 @@ def _import_once(source: Path, options: ImportOptions) -> RobotModel:
 def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
     """Yield the contents on which the result of an import depends, apart from the code of this package.
 
-    The name of the source is not among them, so that equal files of different names share one entry of the cache.
+    The name of the source is not among them, so that equal files of different names share one entry of the cache. A
+    robot without a name, which is named after its file, then has the name of the file that was imported first. Files
+    that do not exist are left out.
     """
     yield options.model_dump_json().encode()
     semantic = options.srdf or srdf_of(source)

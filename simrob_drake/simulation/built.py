@@ -1,5 +1,6 @@
 """The diagrams of a station: built when they are needed, and used again for other references and pushes."""
 
+from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Protocol, TypeAlias, cast
@@ -31,10 +32,12 @@ class StationDiagrams:
     """The diagrams of a station that play given references and forces.
 
     There are several, since a solver also spends time on blocks whose outputs nothing reads. The *whole* diagram has
-    everything but monitors; signals are evaluated in it after a run. A *lean* diagram is stepped: it has no sensors
-    that only report, and no forces of pushes while nothing pushes (under ``cenic``, which holds inputs over a step).
-    All diagrams have the same states in the same order. A block of the user's own can be in one diagram only, so with
-    such blocks the whole diagram is the only one. Diagrams are built when they are needed.
+    all sensors and forces; signals are evaluated in it after a run. A *lean* diagram is stepped: it has no sensors that
+    only report, and no forces of pushes while nothing pushes (under ``cenic``, which holds inputs over a step). No
+    diagram has monitors. Blocks that only report, such as poses, are in a diagram only if another block reads them:
+    their values are computed from the recorded states. With ``steps_whole`` they are always in the diagram. All
+    diagrams have the same states in the same order. A block of the user's own can be in one diagram only, so with such
+    blocks the whole diagram is the only one. Diagrams are built when they are needed.
 
     Attributes:
         references: reference of each robot, by the robot's name.
@@ -55,7 +58,8 @@ class StationDiagrams:
             station: the station.
             references: reference of each robot, by the robot's name.
             blocks: the user's own blocks, by name.
-            steps_whole: whether to step the whole diagram, since its signals are read during the run.
+            steps_whole: whether to step the whole diagram, since its signals are read during the run. All blocks
+                that only report are in this diagram then.
         """
         self._station = station
         self._blocks = blocks
@@ -136,7 +140,7 @@ class StationDiagrams:
 
     @cached_property
     def whole(self) -> ClosedStation:
-        """The diagram with everything but monitors."""
+        """The diagram with all sensors and forces."""
         return self._build(sensors=list(self._station.sensors))
 
     @cached_property
@@ -172,6 +176,7 @@ class StationDiagrams:
             forces=has_forces,
             monitors=False,
             blocks=self._blocks,
+            # Reports such as poses need blocks of their own only if they are read during the run.
             lean=not self._steps_whole,
         )
         # A diagram that is built late has the forces of the configuration, which may have been replaced since.
@@ -287,9 +292,29 @@ class CommandRelay:
         return config.model_copy(update={"controllers": controllers})
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the controllers that were commanded."""
-        return tuple(self._commands)
+    def commands(self) -> dict[str, tuple[TimedCommand, ...]]:
+        """Commands of this run, by the name of the controller."""
+        return {name: tuple(commands) for name, commands in self._commands.items()}
+
+
+def functions_of(commands: Mapping[str, Sequence[TimedCommand]]) -> CommandFunctions:
+    """Make functions that give the commands of an earlier run again, at the same times.
+
+    Args:
+        commands: commands in the order of their times, by the name of the controller.
+    """
+
+    def function_of(entries: Sequence[TimedCommand]) -> Callable[[float], Sequence[float] | None]:
+        """Make the function of one controller."""
+
+        def latest_command(time: float) -> Sequence[float] | None:
+            """Values of the last command up to a time [s], or None before the first command."""
+            count = bisect_right(entries, time, key=lambda entry: entry.time)
+            return entries[count - 1].values if count else None
+
+        return latest_command
+
+    return {name: function_of(entries) for name, entries in commands.items()}
 
 
 def _checked_command(

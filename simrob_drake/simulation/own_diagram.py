@@ -133,13 +133,23 @@ def _systems(diagram: Diagram) -> Iterator[System]:
             yield system
 
 
-def _own_blocks(diagram: Diagram) -> dict[str, LeafSystem]:
-    """Systems of a diagram whose classes are the user's own, by name."""
-    return {
-        system.get_name(): system
-        for system in diagram.GetSystems()
-        if type(system).__module__.split(".")[0] not in _NOT_OWN
-    }
+def _own_blocks(diagram: Diagram, prefix: str = "") -> dict[str, LeafSystem]:
+    """Blocks in a diagram, and in diagrams within it, whose classes are the user's own, by name.
+
+    The name of a block in an inner diagram begins with the names of the diagrams around it, as in ``box::filter``.
+
+    Args:
+        diagram: the diagram.
+        prefix: beginning of all names: empty, or ending with ``::``.
+    """
+    own = dict[str, LeafSystem]()
+    for system in diagram.GetSystems():
+        name = prefix + system.get_name()
+        if isinstance(system, Diagram):
+            own.update(_own_blocks(system, f"{name}::"))
+        elif type(system).__module__.split(".")[0] not in _NOT_OWN:
+            own[name] = system
+    return own
 
 
 def _context_at_begin(
@@ -196,7 +206,7 @@ def _context_at_begin(
 
 
 def _check_context(diagram: Diagram, context: Context) -> None:
-    """Check the user's context; raises InvalidParameter: it is none, or that of another system."""
+    """Check the user's context; raises InvalidParameter: it is no Context of Drake, or that of another system."""
     expected = message(
         "simulation.context_of_diagram",
         "a Context of the diagram, such as diagram.CreateDefaultContext() returns, or "

@@ -492,10 +492,10 @@ class PaceWatch:
     def _begin_period(self, time: float) -> None:
         """Begin a new period of measurement at a time of the run [s]."""
         self._since = time
-        # Duration of the period by a clock, without pauses [s].
-        self._waited = 0.0
-        # Time for which the process has worked [s].
-        self._worked = 0.0
+        # Wall-clock time of the period, without pauses [s].
+        self._wall_time = 0.0
+        # Time for which the process has worked in the period, without pauses [s].
+        self._processor_time = 0.0
         self._steps = 0
 
     def __call__(self, context: Context) -> None:
@@ -509,9 +509,9 @@ class PaceWatch:
             self._show(time - self._begin, creeping(self.config, self._ends, self._end))
         self._count_step()
         # Without any progress of time, as at an event, there is no pace yet.
-        if self._waited < _PATIENCE or self._has_warned or time == self._since:
+        if self._wall_time < _PATIENCE or self._has_warned or time == self._since:
             return
-        if time - self._since < _SLOWEST * self._waited:
+        if time - self._since < _SLOWEST * self._wall_time:
             self._has_warned = True
             warnings.warn(self._slow_run_message(context), SlowRunWarning, stacklevel=2)
         self._begin_period(time)
@@ -527,12 +527,12 @@ class PaceWatch:
         """
         advanced = context.get_time() - self._since
         left = self._end - context.get_time()
-        # Both times are without pauses.
-        share = self._worked / self._waited
+        # Share of a processor that the process got in the period, pauses left out [1].
+        share = self._processor_time / self._wall_time
         rate: str = message(
-            "simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._waited
+            "simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._wall_time
         )
-        rate_alone = advanced / self._worked if self._worked > 0 else np.inf
+        rate_alone = advanced / self._processor_time if self._processor_time > 0 else np.inf
         is_machine_busy = share < _BUSY
         if is_machine_busy:
             rate += message(
@@ -547,7 +547,7 @@ class PaceWatch:
             )
         else:
             step = advanced / self._steps
-            cost = self._worked / self._steps
+            cost = self._processor_time / self._steps
             cause = Slow(self.config, self._built(), context, step, cost, self._own_blocks).cause()
         return message(
             "simulation.rate_with_time_left",
@@ -567,13 +567,13 @@ class PaceWatch:
             return
         before = self._clocks
         self._clocks = _Clocks(now, process_time())
-        waited = self._clocks.wall - before.wall
-        worked = self._clocks.processor - before.processor
+        wall_time = self._clocks.wall - before.wall
+        processor_time = self._clocks.processor - before.processor
         # The process also works a little while it is paused, such as in the debugger's own code.
-        is_pause = waited >= _PAUSE and worked <= _IDLE * waited + _OFTEN
+        is_pause = wall_time >= _PAUSE and processor_time <= _IDLE * wall_time + _OFTEN
         if not is_pause:
-            self._waited += waited
-            self._worked += worked
+            self._wall_time += wall_time
+            self._processor_time += processor_time
 
 
 _FLIGHT_STEP = 1e-3

@@ -123,7 +123,8 @@ class RepeatedSteps:
         Raises:
             StepsDiffer: a step differs.
         """
-        # The steps are compared once, when the last of them is repeated.
+        # The new run first reaches the end of the earlier one, though the compared steps end before it, at `free_row`.
+        # They are compared once.
         if self._is_compared or recorder.times[-1] < self._end:
             return
         self._is_compared = True

@@ -29,7 +29,7 @@ from simrob_drake.results.record.signals import Sampler, Stop, Watch, cut_at_sto
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
 from simrob_drake.simulation.pace import PaceWatch
-from simrob_drake.simulation.resume import RepeatedSteps, last_free_row
+from simrob_drake.simulation.resume import RepeatedSteps, StepsDiffer, last_free_row
 from simrob_drake.simulation.stepping import Outcome, Restart, Stepper, interruption_outcome
 from simrob_drake.stations.closed import ClosedStation
 from simrob_drake.stations.config import StationConfig, check_effort
@@ -107,6 +107,7 @@ class Run:
         references: dict[str, Reference | Samples],
         start: State | None,
         pass_commands: Callable[[Context], None] | None = None,
+        repeat_commands: Callable[[Context], None] | None = None,
     ) -> SimulationResult:
         """Step the run and make its result.
 
@@ -117,14 +118,18 @@ class Run:
             start: state from which the run begins, for the result; None for the station's own start.
             pass_commands: callback after each step that passes the user's commands to controllers. It gets the context
                 and may change the states of blocks. None if there are no commands.
+            repeat_commands: such a callback that gives the commands of the repeated run again; None if it had none.
 
         Raises:
-            StepsDiffer: the run continues another one, but the steps that it repeats differ.
+            StepsDiffer: the run continues another one, but the steps that it repeats differ, or end early.
+            KeyboardInterrupt: the user interrupted the run within the steps that it repeats.
         """
         repeated = (
             None if self.repeated is None else RepeatedSteps(self.repeated, self.stepper.begin)
         )
         watchers = list[Callable[[Context], None]]()
+        if repeat_commands is not None:
+            watchers.append(repeat_commands)
         if pass_commands is not None:
             watchers.append(self._after_repeated(pass_commands))
         if on_step is not None:
@@ -149,8 +154,12 @@ class Run:
             began = perf_counter()
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
-        # The user interrupted the steps that are repeated, before the run itself has begun: there is no result.
-        if recorder.times[-1] < self.begin:
+        stop = watch.stop if outcome.ending == "monitor" else None
+        # The run ended within the steps that are repeated, before it has begun itself: there is no result.
+        if self._ended_at(recorder, stop) < self.begin:
+            # The earlier run got further, so this run differs from it, such as by a monitor or a block.
+            if outcome.ending not in ("completed", INTERRUPTED):
+                raise StepsDiffer
             raise KeyboardInterrupt
         known: dict[str, Any] = {
             "stepping_time": stepping_time,
@@ -248,6 +257,20 @@ class Run:
         # Evaluating the signals has restored the references.
         self.forget()
         return result
+
+    def _ended_at(self, recorder: Recorder, stop: Stop | None) -> float:
+        """Time at which the run ended [s]. It is -inf if a monitor ended it before the step at which stepping began.
+
+        Args:
+            recorder: the run's own states.
+            stop: the end of the run by a monitor, or None if no monitor ended it.
+        """
+        if stop is None:
+            return recorder.times[-1]
+        # A monitor also counts the recorded steps before the restart.
+        steps_before = 0 if self.restart is None else self.restart.row
+        own_count = stop.count - steps_before
+        return recorder.times[own_count - 1] if own_count > 0 else -np.inf
 
     def _after_repeated(self, watcher: Callable[[Context], None]) -> Callable[[Context], None]:
         """Make a callback that is called only after the steps that repeat those of an earlier run."""
@@ -393,7 +416,8 @@ def make_recorder(
 ) -> tuple[Recorder, Watch]:
     """Make the recorder of a run, and the watch that evaluates the station's monitors at the recorded steps.
 
-    The recorder begins with the present state of the simulator.
+    The recorder begins with the present state of the simulator. If the station has no monitors, it does not call the
+    watch; it still checks now and then that the states have not diverged.
 
     Args:
         stepper: steps the run.

@@ -31,7 +31,12 @@ from simrob_drake.results.record.rebuilt import fits
 from simrob_drake.results.record.run import DIVERGED, FAILED
 from simrob_drake.results.record.state import MotionOrigin, State, Trace
 from simrob_drake.results.result import SimulationResult
-from simrob_drake.simulation.built import CommandFunctions, CommandRelay, StationDiagrams
+from simrob_drake.simulation.built import (
+    CommandFunctions,
+    CommandRelay,
+    StationDiagrams,
+    functions_of,
+)
 from simrob_drake.simulation.resume import (
     StepsDiffer,
     continuable_trace,
@@ -216,6 +221,8 @@ class Runner:
             self.config if is_same else self.config.model_copy(update={"inputs": inputs})
         )
         self._diagrams: dict[Any, StationDiagrams] = {}
+        # Runner that continued a commanded run with this one's blocks, see `resume`; None if there is none.
+        self._of_commanded: Runner | None = None
         self._is_running = False
 
     def __repr__(self) -> str:
@@ -353,8 +360,10 @@ class Runner:
             the start for that.
 
         Raises:
-            InvalidParameter: the run cannot be continued, is of another station, or ended after ``until``.
-            SimrobError, VerdictError: as :func:`simulate`.
+            InvalidParameter: the run cannot be continued, is of another station, or ended at ``until`` or later.
+            SimrobError: functions commanded the run, and the blocks that this Runner was given are in use already: then
+                a Runner with new blocks can continue the run. Otherwise as :func:`simulate`.
+            VerdictError: as :func:`simulate`.
         """
         expected = message("simulation.a_result", "a result of simulate() or of a Runner")
         trace = continuable_trace(instance(result, "result", SimulationResult, expected))
@@ -368,21 +377,34 @@ class Runner:
                 end=result.stop_time,
             )
             raise InvalidParameter("until", compound("{until:g} s", until=end), later)
-        # The commands of the earlier run are in its configuration. A runner with this configuration repeats them.
+        # The commands of the earlier run are in the configuration of its controllers. Controllers are built into the
+        # diagrams, so it takes a Runner with this configuration, and diagrams of its own, to repeat the commands.
         if result.commanded:
+            is_in_use = any(runner._diagrams for runner in (self, self._of_commanded) if runner)
+            if self._user_blocks and is_in_use:
+                text = message(
+                    "simulation.commanded_needs_new_blocks",
+                    "a block can be in one diagram only: to resume a run that functions commanded needs a Runner with "
+                    "new blocks",
+                )
+                raise SimrobError(text)
             commanded = {name: result.config.controllers[name] for name in result.commanded}
             controllers = {**self.config.controllers, **commanded}
             runner = type(self)(
                 self.config.model_copy(update={"controllers": controllers}),
                 blocks=self._user_blocks,
             )
-            return runner.resume(
+            if self._user_blocks:
+                self._of_commanded = runner
+            # The new Runner has the commands in its configuration, so this is a run without functions for it.
+            resumed = runner.resume(
                 replace(result, commanded=()),
                 until=end,
                 progress=progress,
                 on_step=on_step,
                 strict=strict,
             )
+            return replace(resumed, commanded=result.commanded)
         config = with_duration(self.config, end - result.start_time)
         # The earlier run may have had pushes of its own, see `run`.
         config = config.model_copy(update={"forces": result.config.forces})
@@ -441,6 +463,7 @@ class Runner:
         # The run itself is the first one of its motion, unless it repeats an earlier run from its origin.
         origin = plan.origin or MotionOrigin(config, plan.start, plan.begin, plan.begins_in_motion)
         relay = CommandRelay(config, callbacks.commands, begin=plan.begin)
+        earlier_relay = CommandRelay(config, functions_of(origin.commands), begin=origin.begin)
         diagrams = self._diagrams_for(
             config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=plan.end
         )
@@ -491,15 +514,30 @@ class Runner:
             if callbacks.commands
             else None
         )
+        # Only a motion that is repeated from its start needs its commands again. A restart's state contains them.
+        earlier_watch = (
+            (lambda context: earlier_relay.pass_on(stepper.built.diagram, context))
+            if origin.commands
+            else None
+        )
         result = run.result(
             progress=callbacks.progress,
             on_step=callbacks.on_step,
             references=dict(plan.requested),
             start=plan.start,
             pass_commands=watch,
+            repeat_commands=earlier_watch,
         )
         config = relay.config_with_commands(result.config.model_copy(update={"controllers": own}))
-        return replace(result, config=config, commanded=relay.names)
+        trace = result.trace
+        # A run that is continued from the start of this motion needs its commands, too. If the motion began in an
+        # earlier run, the configuration of that run stays. So does the trace of the final state: a run that begins
+        # in this state does not repeat the commands.
+        if trace is not None and plan.repeated is None:
+            commanded = relay.config_with_commands(trace.origin.config)
+            own_origin = replace(trace.origin, config=commanded, commands=relay.commands)
+            trace = replace(trace, origin=own_origin)
+        return replace(result, config=config, commanded=tuple(relay.commands), trace=trace)
 
     @drake_asserts()
     def ports(self, *, watched: bool = False) -> StationPorts:
@@ -802,15 +840,16 @@ class RunBranch:
         """Step on under pushes, and return how the run ends. No signals are computed.
 
         Args:
-            pushes: as in :meth:`Runner.run`.
+            pushes: pushes that begin at the time of the branch or later, by name, as in :meth:`run`.
 
         Raises:
-            InvalidParameter: a push that cannot be.
+            InvalidParameter: a push that cannot be, or that begins before the branch.
         """
         # The run ended before the branch, whatever the pushes after it.
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)
+        self._check_times(pushes or {}, config.forces)
         # The diagrams may have played the pushes of another branch since.
         self._diagrams.play(self._references, config.forces)
         return self._outcome(
@@ -844,10 +883,11 @@ class RunBranch:
         if self._trunk is None:
             self._trunk = self._runner.run(reference=self._reference, duration=self.at)
         trunk = self._trunk
-        # A run that ended before the branch is the whole run.
+        # A run that ended before the branch is the whole run. Each run of a Runner has recorded states.
         if trunk.ending != "completed" or trunk.trace is None:
             return trunk.check(strict)
-        # Pushes from the branch on do not change what came before it: the run up to there is one with all of them.
+        # The new pushes begin at the branch or later, so a run with them is the same up to the branch. The recorded run
+        # gets their configuration, and is resumed with it.
         forces = self._forces(pushes)
         origin = trunk.trace.origin
         pushed_origin = replace(origin, config=origin.config.model_copy(update={"forces": forces}))
@@ -878,6 +918,19 @@ class RunBranch:
             if isinstance(force, Push) and force.start < self.at
         }
         forces = with_pushes(self._config, pushes).forces
+        self._check_times(pushes, forces)
+        return {**earlier, **forces}
+
+    def _check_times(self, pushes: Mapping[str, Any], forces: Mapping[str, ForceConfig]) -> None:
+        """Check that pushes begin at the time of the branch or later.
+
+        Args:
+            pushes: the pushes by name, as the user gave them.
+            forces: all forces by name, with these pushes.
+
+        Raises:
+            InvalidParameter: a push begins before the branch.
+        """
         # The run up to the branch was stepped without the new pushes, so these cannot begin before.
         for name in pushes:
             push = forces[name]
@@ -891,7 +944,6 @@ class RunBranch:
                         at=self.at,
                     ),
                 )
-        return {**earlier, **forces}
 
     def _make_stepper(self, config: StationConfig, **more: Any) -> Stepper:
         """Make a stepper of the branch's diagrams. Further arguments are those of :class:`Stepper`."""

@@ -578,7 +578,8 @@ def interruption_outcome(config: StationConfig, recorder: Recorder, end: float) 
 def _runs_code_of(frame: FrameType, block: LeafSystem) -> bool:
     """Whether a frame of a traceback runs a method of a block, or a function inside a method, such as a lambda.
 
-    A function that does not use ``self``, inside of a method that the block's class inherits, is not found.
+    A function that does not use ``self`` is recognised by the name of the block's class. So it is not found inside of
+    a method that this class inherits, and it matches every block of the class: the caller takes the first one.
     """
     # The local variable `self` of a method is the block, unless the method gives it another name.
     if "self" in frame.f_locals:

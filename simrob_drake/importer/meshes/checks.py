@@ -350,7 +350,7 @@ def _check_gltf(data: bytes) -> CheckedMesh:
         raise UnreadableMesh(message("importer.not_readable_gltf", "is not readable as glTF"))
     items = sum(_declared_values(header, "accessors", "count"))
     size = sum(_declared_values(header, "bufferViews", "byteLength"))
-    # Only the count of entries matters here, whatever their meshes are.
+    # Only the count of entries matters here, whatever their meshes are. The parser reports invalid nodes.
     nodes = len(_declared_values(header, "nodes", "mesh"))
     if items > _MOST_ITEMS or size > _MOST_BYTES or nodes > _MOST_NODES:
         raise UnreadableMesh(
@@ -368,7 +368,8 @@ def _declared_values(header: dict[str, Any], key: str, name: str) -> list[int]:
         name: key of the number in each entry.
 
     Returns:
-        the numbers, 0 for an entry without the number. A number too large for any mesh stands for invalid content.
+        the numbers, 0 for an entry without the number. Invalid content is not refused here: a number too large for any
+        mesh stands for an invalid entry, and for a value of the key that is no list, so that a sum exceeds its limit.
     """
     invalid = _MOST_BYTES + 1
     entries = header.get(key, [])

@@ -100,14 +100,16 @@ def hull_of(points: Vector) -> Hull:
 
 @heard_afterwards()
 def is_hull(part: MeshPart) -> bool:
-    """Whether a mesh is a convex body already, with no more corners than a hull may have."""
+    """Whether a mesh is a convex body already, with no more corners than a hull may have, or two more."""
     from trimesh import Trimesh
 
     mesh = Trimesh(part.vertices, part.faces, process=False)
     is_closed = mesh.is_watertight and mesh.is_winding_consistent
+    # The count of faces is a limit for the corners: a convex body with n corners has 2 n - 4 triangles.
     if len(part.faces) > 2 * MOST_CORNERS or not is_closed:
         return False
     solid, thickness = _with_thickness(part.vertices)
+    # A flat mesh is no body yet: it needs a thickness, which `hull_of` gives it.
     if thickness:
         return False
     # A closed mesh is convex if it has the volume of its hull.

@@ -196,8 +196,11 @@ def _read_problem(problem: Any) -> str:
         return shorten(str(problem), _LONGEST_PROBLEM)
 
 
-def _in_one_line(problem: Exception) -> str:
-    """Message of an error, or its text on one line; the name of its class if it has no text."""
+def _problem_text(problem: Exception) -> str:
+    """Text of an error for the parent, of limited length: its message, which may have several lines, or its text.
+
+    A text that is no message is put on one line. The name of the class is used for an error without a text.
+    """
     # A message keeps its id, so that the parent can show it in the user's language.
     found = message_of(problem)
     if isinstance(found, Message):
@@ -233,7 +236,7 @@ def serve(work: Callable[[dict[str, Any]], dict[str, Any]], seconds: int) -> Non
         end = {"problem": as_data(why)}
     # Any error of the job is its problem. The parent shows it to the user.
     except Exception as problem:
-        end = {"problem": as_data(_in_one_line(problem))}
+        end = {"problem": as_data(_problem_text(problem))}
     print(json.dumps(end), flush=True)
 
 

@@ -219,7 +219,8 @@ def _check_followers(robot: ET.Element, report: ImportReport) -> None:
     """Check every ``mimic`` and rename it to ``FOLLOWS``, the tag from which stations make a coupling, in place.
 
     A ``mimic`` without a meaning is removed: at a fixed joint, or with a leader that is missing or follows the joint
-    itself. Joints that follow a fixed joint, or follow with a multiplier of 0, keep theirs here:
+    itself. Of joints that follow each other in a loop, only the first one in the file loses its ``mimic``; the others
+    follow it then. Joints that follow a fixed joint, or follow with a multiplier of 0, keep theirs here:
     :func:`_fix_still_followers` makes them fixed joints afterwards.
     """
     joints = {name_of(joint): joint for joint in robot.iterfind("joint")}

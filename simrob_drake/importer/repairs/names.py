@@ -58,7 +58,7 @@ def repair_names(robot: ET.Element, report: ImportReport) -> None:
     # All elements have a name now, so that those with equal names can be compared.
     _separate_links(robot, report)
     _separate_joints(robot, report)
-    # Last, because the rule for names of missing links leaves out the world.
+    # Last, because only one link is renamed: a second definition of a link `world` must have been removed before.
     _rename_world(robot, report)
 
 

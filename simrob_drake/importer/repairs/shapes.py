@@ -418,6 +418,8 @@ class _Shapes:
     def _add_collisions_of_visuals(self, link: ET.Element, visuals: Sequence[ET.Element]) -> int:
         """Add a collision shape to a link for each of its visuals that can be read. Returns the count of shapes.
 
+        They replace collision meshes that cannot be read, or are the first ones of a robot without collision shapes.
+
         Args:
             link: the link, changed in place.
             visuals: its visuals as the URDF gave them.

@@ -471,7 +471,8 @@ class RobotWriter:
         link = next(iter(self._frames.links), "")
         if not link:
             return
-        # The root link is the world here, so the pose of the joint is that of the link in the world.
+        # The root of this URDF is the world, so the joint has the pose of the link in the world: the pose of the model
+        # in the world (`place`), and then the pose of the link in the model.
         pose = self._frames.place @ self._frames.pose(link)
         name = self._free_names.take(f"{self._names[link]}_fixed")
         add_joint(self.robot, name, parent=self._names[WORLD], child=self._names[link], pose=pose)
@@ -506,6 +507,8 @@ def _ends(edge: _Edge, *, is_forward: bool) -> tuple[str, str]:
 
 def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
     """Write the limits of an SDF axis into a joint of a URDF. A joint that turns without limits becomes continuous.
+
+    A value of the SDF counts only if its text is one finite number.
 
     Args:
         joint: the joint of the URDF.

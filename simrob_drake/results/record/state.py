@@ -6,7 +6,7 @@ that was changed in between. A state can be written to a JSON file.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -27,6 +27,7 @@ from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Number, Strict, validate_section
 from simrob_drake.base.yaml_files import parse_json
 from simrob_drake.blocks.monitor import Monitor
+from simrob_drake.parts.controllers.section import TimedCommand
 from simrob_drake.parts.resolved import ResolvedRobot
 from simrob_drake.parts.station_plant import StationPlant
 from simrob_drake.results.record.history import FlightCheck, StateHistory, python_value
@@ -152,12 +153,15 @@ class MotionOrigin:
         start: state in which it began; None for the initial state of the station.
         begin: its start, in simulated time [s].
         begins_in_motion: whether it continued the motion of another run.
+        commands: commands that the user's functions gave in it, by the name of the controller. The configuration has
+            them, too. A block may keep in its state who gave a command, so a repeated run gives them in the same way.
     """
 
     config: StationConfig
     start: "State | None"
     begin: float
     begins_in_motion: bool
+    commands: Mapping[str, Sequence[TimedCommand]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
