@@ -15,7 +15,7 @@ from pydrake.multibody.tree import RevoluteJoint, RotationalInertia, SpatialIner
 from pydrake.systems.framework import DiagramBuilder
 
 from simrob_drake.base.files import models_root
-from simrob_drake.base.messages import Message
+from simrob_drake.base.messages import SOURCE_LANGUAGE, Message, set_output_language
 from simrob_drake.robots.catalog import load_robot
 from simrob_drake.robots.parse import add_urdf
 from simrob_drake.robots.urdf import with_absolute_meshes
@@ -119,6 +119,12 @@ def _quick_probe(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
     """Let imports be parsed in processes that need not load Drake, but where a test is marked ``probe``."""
     if request.node.get_closest_marker("probe") is None:
         monkeypatch.setattr("simrob_drake.importer.probe._drake_error", probing.complaint)
+
+
+@pytest.fixture(autouse=True)
+def _english_output() -> None:
+    """Begin each test with English output: a command that a test before ran may have set another language."""
+    set_output_language(SOURCE_LANGUAGE)
 
 
 @pytest.fixture

@@ -137,7 +137,7 @@ def test_a_block_that_lacks_a_method_of_the_plant_is_named(announce, ball):
     announce("fall-kit", "engines={'falling': 'fall_kit.engine:Falling'}", engine=lacking)
     with pytest.raises(
         BrokenExtension,
-        match="falling: its Block lacks GetVelocities, SetPositions, see PlantBlock",
+        match="falling: the block Block lacks GetVelocities, SetPositions, see PlantBlock",
     ):
         simulate(load_station(ball), duration=0.1, progress=False)
 

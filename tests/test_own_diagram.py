@@ -181,7 +181,7 @@ def test_a_run_of_its_saved_station_gives_the_same(tmp_path):
     own = simulate_diagram(*wired(config), duration=1.2, progress=False)
     folder = own.save(tmp_path / "run", recording=False)
     text = (folder / "station.yaml").read_text()
-    assert text.startswith("# This is the station alone, without the diagram in which it was run.")
+    assert text.startswith("# This file is the station alone, without the diagram in which it ran.")
     recorded = np.loadtxt(folder / "reference.csv", delimiter=",", skiprows=1)
     np.testing.assert_array_equal(recorded[:, 1:], own.axes("q_ref"))
     again = simulate(load_station(folder / "station.yaml"), progress=False)

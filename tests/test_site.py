@@ -39,7 +39,9 @@ def test_every_key_of_every_file_has_a_row(texts):
 def test_a_row_of_a_key_says_what_it_may_be(texts):
     rows = texts["reference/keys/station/servo.md"].splitlines()
     assert any(
-        row.startswith("| `law` | `pid`, `cascade`, `computed_torque` | `pid` | `pid`; `cascade`: a position loop")
+        row.startswith(
+            "| `law` | `pid`, `cascade`, `computed_torque` | `pid` | `pid`; `cascade`: a position loop"
+        )
         for row in rows
     )
     assert any(
