@@ -91,7 +91,7 @@ FALL = 0.1 - 9.80665 * TIMES**2 / 2
             csv_text(TIMES, np.where(TIMES[7] == TIMES, np.nan, FALL)),
             "line 9: contains a value that is not a number",
         ),
-        (csv_text(TIMES, FALL).replace("0.02,", "0.02s,", 1), "no number"),
+        (csv_text(TIMES, FALL).replace("0.02,", "0.02s,", 1), "is not a number"),
         (csv_text(np.sort(TIMES)[::-1], FALL), "line 3: times must rise"),
         (
             csv_text(np.sort(TIMES)[::-1], FALL).replace("\n", "\n\n\n", 1),

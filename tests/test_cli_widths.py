@@ -117,7 +117,10 @@ def test_two_results_are_drawn_over_each_other(tmp_path, capsys):
     assert run_command(["plot", "soft", "--signal", "q.jont_2", "--out", "new.png"]) != 0
     assert "did you mean 'q.joint_2'" in capsys.readouterr().err
     assert run_command(["plot", "soft", "nowhere", "--out", "new.png"]) != 0
-    assert "nowhere: must be the folder of a result, with signals.csv" in capsys.readouterr().err
+    assert (
+        "nowhere: must be the folder of a result, which contains signals.csv"
+        in capsys.readouterr().err
+    )
     assert not (tmp_path / "new.png").exists()
     for _ in range(2):
         assert run_command(["plot", "soft", "--signal", "q.joint_2"]) == 0

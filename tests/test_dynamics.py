@@ -213,8 +213,8 @@ def test_drives_of_a_urdf_and_of_a_description_are_the_same(tmp_path: Path) -> N
         ),
         (lambda: Dynamics.of_robot("irb120").manipulability(np.zeros(6), "speed"), "rotation"),  # type: ignore[arg-type]
         (lambda: Dynamics.of_robot(rod(tools={})).payload([0.0]), "tool"),
-        (lambda: Drives(gear_ratio=0.0), "positive"),
-        (lambda: Drives(friction=[1.0, -1.0]), "not negative"),
+        (lambda: Drives(gear_ratio=0.0), "gear_ratio: it must be a number from 1e-6 to 1e6"),
+        (lambda: Drives(friction=[1.0, -1.0]), "friction: it must be a number from 0 to 1e9"),
     ],
 )
 def test_what_cannot_be_is_told(call, message) -> None:

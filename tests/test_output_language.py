@@ -78,7 +78,7 @@ def test_the_same_plots_are_english_otherwise(result: SimulationResult) -> None:
 def test_results_over_each_other_are_in_the_language() -> None:
     times = np.linspace(0, 1, 5)
     saved = SavedSignals("a", times, {"q.joint_1": times}, {"q.joint_1": "rad"})
-    figure = overlay_figure([saved], ["q.joint_1"])
+    figure = overlay_figure([saved, saved], ["q.joint_1"])
     assert figure.get_label() == "resultados superpuestos"
     assert {"posición [deg]", "tiempo [s]"} <= texts_of(figure)
 

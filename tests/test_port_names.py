@@ -49,7 +49,7 @@ def test_an_input_that_may_be_listed(ports, name):
 
 def test_the_nearest_input_that_may_be_listed(ports):
     with pytest.raises(
-        KeyError, match="there is no input 'velocity'; the input 'reference_velocity' is there if"
+        KeyError, match="there is no input 'velocity'; the input 'reference_velocity' exists if"
     ):
         ports.inputs["velocity"]
 

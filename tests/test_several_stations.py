@@ -128,14 +128,14 @@ def test_cenic_needs_its_plant_alone():
     builder = DiagramBuilder()
     ports = add_station(builder, config, name="left")
     hold(builder, ports)
-    with pytest.raises(SimrobError, match=expected + r".*there is: left.plant"):
+    with pytest.raises(SimrobError, match=expected + r".*the diagram has: left.plant"):
         simulate_diagram(builder.Build(), ports, duration=0.1, progress=False)
 
     builder = DiagramBuilder()
     ports = add_station(builder, config)
     hold(builder, ports)
     hold(builder, add_station(builder, config, name="right"))
-    with pytest.raises(SimrobError, match=expected + r".*there are: plant, right.plant"):
+    with pytest.raises(SimrobError, match=expected + r".*the diagram has: plant, right.plant"):
         simulate_diagram(builder.Build(), ports, duration=0.1, progress=False)
 
     builder = DiagramBuilder()

@@ -58,4 +58,4 @@ def test_a_gravity_of_another_unit_is_compared_with_that_of_stations():
     config = load_station("bouncing_ball", {"gravity": 9806.65})
 
     texts = [finding.text for finding in plausibility_findings(config, resolve(config))]
-    assert texts == ["gravity: 9806.65 m/s² is 1e+03 times that of the Earth; in mm/s²?"]
+    assert texts == ["gravity: 9806.65 m/s² is 1e+03 times that of the Earth; were mm/s² meant?"]

@@ -70,7 +70,7 @@ def test_a_name_that_is_none_is_told(downloaded, monkeypatch):
         robot_file("rad_description", "source")
     assert robot_file("red.urdf", "source") == Path("red.urdf").resolve()
     monkeypatch.setitem(sys.modules, "robot_descriptions._cache", None)
-    with pytest.raises(InvalidModel, match=r"is no file; .* pip install robot_descriptions"):
+    with pytest.raises(InvalidModel, match=r"is not a file; .* `pip install robot_descriptions"):
         robot_file("rad_description", "source")
 
 

@@ -62,5 +62,5 @@ def test_more_links_than_drake_has_memory_for_are_refused_at_once(tmp_path, monk
         check_urdf,
         lambda *_: repair(robot(21), tmp_path, ImportOptions(), ImportReport(tmp_path)),
     ):
-        with pytest.raises(InvalidModel, match="has 21 links; at most 20 are taken"):
+        with pytest.raises(InvalidModel, match="has 21 links; at most 20 are accepted"):
             check(robot(21), tmp_path / "a.urdf")

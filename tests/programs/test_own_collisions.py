@@ -88,7 +88,7 @@ def test_the_check_of_a_station_names_a_reference_that_leads_into_the_arm():
     findings = check_station(bare_station("ur5", {"reference": reference}))
     (found,) = [finding for finding in findings if finding.subject == "links of robot"]
     assert found.level == "warning"
-    assert "link_1 and link_4 lie" in found.text
+    assert "link_1 and link_4 overlap" in found.text
 
 
 def goal_collides(arm: Arm, posture: np.ndarray) -> bool:

@@ -184,7 +184,7 @@ def test_fingers_close_together_and_are_not_reported_as_zero(gripper):
     for name in ("final_error", "largest_error", "torque_share", "torque_time"):
         assert figures[name]["each"]["left"] is None
         assert figures[name]["each"]["axis"] is not None
-        assert "presses on what it holds" in figures[name]["left_out"]["right"]
+        assert "a finger, which grips with its full torque" in figures[name]["left_out"]["right"]
 
 
 def test_programs_move_partners(gripper):

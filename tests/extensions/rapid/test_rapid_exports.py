@@ -235,7 +235,7 @@ def test_the_example_of_the_page_is_done(tmp_path):
             "--robot: the option belongs to RAPID modules; leave it out",
         ),
         (["import", "none.mod", "--robot", "irb120"], "none.mod: No such file"),
-        (["export", "irb120_kinematic", "--rapid", "B.mod"], "irb120_kinematic: is no program"),
+        (["export", "irb120_kinematic", "--rapid", "B.mod"], "irb120_kinematic: is not a program"),
         (["export", "irb120_kinematic"], "or --sdf or --mjcf, or --rapid or --urscript"),
         (
             ["export", "p.yaml", "--rapid", "x.txt", "--urscript", "./x.txt"],

@@ -115,7 +115,7 @@ def test_what_cannot_be_is_told_in_a_line_and_the_station_goes_on(port):
         ('{"do": "step", "dt": 1e9}', "dt"),
         ('{"do": "step", "dt": 0.01, "inputs": [1]}', "request: inputs is 1 numbers; it must be 2"),
         ('{"do": "step", "dt": 0.01, "inputs": [1, null]}', "inputs"),
-        ('{"do": "step", "dt": 0.01, "inputs": [1, NaN]}', "is no finite number"),
+        ('{"do": "step", "dt": 0.01, "inputs": [1, NaN]}', "is not a finite number"),
         (
             '{"do": "reset", "parameters": [["gravitas", 1]]}',
             "there is no parameter 'gravitas'; did you mean",

@@ -244,21 +244,25 @@ def test_a_stop_of_any_condition_ends_the_run(tmp_path):
     plant.chain("simulink/Sinks/Stop Simulation", "Halt", far)
     result, _, _ = run(plant, tmp_path)
     assert result.ending == "monitor"
-    assert result.message.startswith("Halt_end is on")
+    assert result.message.startswith("the stop Halt_end is active")
     assert result.times[-1] == pytest.approx(0.5, abs=0.021)  # q = t²/2; looked at where steps end
 
 
 @pytest.mark.parametrize(
     ("kind", "figures", "told"),
     [
-        ("TransferFcn", {"Numerator": "[1 0 0]", "Denominator": "[1 1]"}, "higher power"),
+        ("TransferFcn", {"Numerator": "[1 0 0]", "Denominator": "[1 1]"}, "higher degree"),
         (
             "StateSpace",
             {"A": "-1", "B": "[1 2]", "C": "1", "D": "0"},
             "B must be 1 × 1|must be 1 × 1",
         ),
-        ("DeadZone", {"LowerValue": "1", "UpperValue": "0"}, "above upper"),
-        ("Lookup_n-D", {"Table": "[1 2]", "BreakpointsForDimension1": "[1 0]"}, "points must rise"),
+        ("DeadZone", {"LowerValue": "1", "UpperValue": "0"}, "must be at most upper"),
+        (
+            "Lookup_n-D",
+            {"Table": "[1 2]", "BreakpointsForDimension1": "[1 0]"},
+            "points must increase",
+        ),
         ("Gain", {"Gain": "'a'"}, "uses the text"),
         ("Gain", {"Gain": "[1 2 3; 4 5 6]"}, "Gain has 6 numbers|Gain is 2 × 3"),
         ("Sum", {"Inputs": "+x"}, "signs"),
