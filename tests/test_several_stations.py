@@ -142,5 +142,5 @@ def test_cenic_needs_its_plant_alone():
     box = builder.AddNamedSystem("box", build_station(config))
     source = builder.AddSystem(ConstantVectorSource(np.zeros(18)))
     builder.Connect(source.get_output_port(), box.GetInputPort("reference"))
-    with pytest.raises(SimrobError, match=expected + r".*there is: box/plant"):
+    with pytest.raises(SimrobError, match=expected + r".*the diagram has: box/plant"):
         simulate_diagram(builder.Build(), box.ports, duration=0.1, progress=False)

@@ -282,7 +282,10 @@ WRONG = [
         {"pieces.gripper.parent": "load"},
         r"pieces\.gripper\.parent is load; .* not mounted on this piece",
     ),
-    ({"pieces.load.inertia": [1, 0, 0]}, r"pieces\.load\.inertia: no body can have this inertia: a principal moment is negative"),
+    (
+        {"pieces.load.inertia": [1, 0, 0]},
+        r"pieces\.load\.inertia: no body can have this inertia: a principal moment is negative",
+    ),
     (
         {"monitors.a.kind": "settle"},
         r"monitors\.a\.kind: there is no 'settle'; did you mean 'settled'\?",
