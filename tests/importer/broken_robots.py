@@ -654,7 +654,7 @@ SHAPES = [
     Defect(
         "negative radius",
         swap('<sphere radius="0.05"/>', '<sphere radius="-0.05"/>'),
-        "dropped: not positive",
+        "dropped: it must be positive",
     ),
     Defect(
         "cylinder of length nan",
@@ -1169,7 +1169,7 @@ INERTIAS = [
     Defect(
         "centre in mm",
         swap(UPPER_INERTIAL, UPPER_INERTIAL.replace("0 0 0.2", "0 0 200")),
-        "read: in mm?",
+        "read: were millimetres meant?",
     ),
     Defect("legs without inertias", bare, "open: link 'left_shin': has no usable inertia", LEGS),
     Defect(
