@@ -241,12 +241,10 @@ def _jump_findings(
             ", and {count} other {count:axis jumps|axes jump} too",
             count=axes.size - 1,
         )
-    # The key as the user writes it: a station with one robot has the section `robot`.
-    section = "robot" if config.only_robot else f"robots.{robot.name}"
     remedy = message(
         "stations.start_at_reference",
         "set {key}, or let the reference begin at the robot's initial position",
-        key=f"{section}.initial_deg",
+        key=f"{config.robot_key(robot.name)}.initial_deg",
     )
     text = compound(
         "{jump}{others}; {remedy}",

@@ -170,7 +170,7 @@ def _friction_finding(
         compound("{axis} {friction:g} {unit}", axis=axis, friction=friction, unit=units[axis])
         for axis, friction in frictions.items()
     ]
-    section = "robot" if config.only_robot else f"robots.{robot.name}"
+    section = config.robot_key(robot.name)
     # One axis is set by its own key, several by one mapping, so that the user copies a single option.
     if len(frictions) == 1:
         ((axis, friction),) = frictions.items()
