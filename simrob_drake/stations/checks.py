@@ -383,9 +383,8 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         )
         return [Finding("warning", f"{robot.prefix}base", text)]
     findings = [_gap_finding(robot, found), _balance_finding(robot, found)]
-    # A link that carries near its joint kneels; `ends` are distances from the joint as parts of the link's length. Feet
-    # that the robot's description names may carry anywhere.
-    kneeling = [link for link, end in found.ends.items() if end < KNEELING]
+    # A link that carries near its joint kneels. Feet that the robot's description names may carry anywhere.
+    kneeling = [link for link, distance in found.carrying_links.items() if distance < KNEELING]
     if kneeling and not robot.feet:
         text = message(
             "stations.kneeling",
@@ -439,8 +438,8 @@ def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
         else message("stations.outside", "outside")
     )
     links = (
-        message("stations.of_ends", " of {ends}", ends=", ".join(found.ends))
-        if len(found.ends) <= _LISTED
+        message("stations.of_ends", " of {ends}", ends=", ".join(found.carrying_links))
+        if len(found.carrying_links) <= _LISTED
         else ""
     )
     text = message(

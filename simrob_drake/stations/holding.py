@@ -395,7 +395,8 @@ def _payload_finding(
     robot: StationRobot,
 ) -> Finding:
     """Make the finding about the mass [kg] that a robot could carry: a warning if the mass is implausible."""
-    # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already.
+    # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already,
+    # so the doubt that `payload_doubt` has about this case is not asked for.
     if payload > 0:
         doubt = payload_doubt(payload, moving_mass(robot.model.element))
         if doubt:
