@@ -241,12 +241,10 @@ def _jump_findings(
             ", and {count} other {count:axis jumps|axes jump} too",
             count=axes.size - 1,
         )
-    # The key as the user writes it: a station with one robot has the section `robot`.
-    section = "robot" if config.only_robot else f"robots.{robot.name}"
     remedy = message(
         "stations.start_at_reference",
         "set {key}, or let the reference begin at the robot's initial position",
-        key=f"{section}.initial_deg",
+        key=f"{config.robot_key(robot.name)}.initial_deg",
     )
     text = compound(
         "{jump}{others}; {remedy}",
@@ -385,9 +383,8 @@ def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding
         )
         return [Finding("warning", f"{robot.prefix}base", text)]
     findings = [_gap_finding(robot, found), _balance_finding(robot, found)]
-    # A link that carries near its joint kneels; `ends` are distances from the joint as parts of the link's length. Feet
-    # that the robot's description names may carry anywhere.
-    kneeling = [link for link, end in found.ends.items() if end < KNEELING]
+    # A link that carries near its joint kneels. Feet that the robot's description names may carry anywhere.
+    kneeling = [link for link, distance in found.carrying_links.items() if distance < KNEELING]
     if kneeling and not robot.feet:
         text = message(
             "stations.kneeling",
@@ -441,8 +438,8 @@ def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
         else message("stations.outside", "outside")
     )
     links = (
-        message("stations.of_ends", " of {ends}", ends=", ".join(found.ends))
-        if len(found.ends) <= _LISTED
+        message("stations.of_ends", " of {ends}", ends=", ".join(found.carrying_links))
+        if len(found.carrying_links) <= _LISTED
         else ""
     )
     text = message(

@@ -41,13 +41,14 @@ class Standing:
         mass: mass of the robot with the pieces that it carries [kg].
         gap: height of the lowest point over the ground [m]; negative if the point is below the ground.
         contacts: count of the points that carry.
-        margin: distance of the centre of mass, seen from above, from the edge of the support area [m]. It is negative
-            outside of the area, and zero if the points span no area.
+        margin: distance of the centre of mass, seen from above, from the nearest side of the support area [m]. It is
+            negative outside of the area, where the line of the side that it is farthest beyond counts, also next to a
+            corner. It is zero if the points span no area.
         height: height of the centre of mass over the lowest point [m].
         torque: torques of the joints that hold the robot against gravity, shape (n,) [N·m or N].
-        ends: for each link that carries, by name, the smallest distance between its contacts and its joint as a part of
-            the link's length: 1 at its far end, near 0 at a knee. It is 1 for the root link, which has no joint,
-            and for a link without shapes, which has no length.
+        carrying_links: for each link that carries, by name, the smallest distance between its contacts and its joint as
+            a part of the link's length: 1 at its far end, near 0 at a knee. It is 1 for the root link, which has no
+            joint, and for a link without shapes, which has no length.
     """
 
     mass: float
@@ -56,7 +57,7 @@ class Standing:
     margin: float
     height: float
     torque: Vector
-    ends: Mapping[str, float]
+    carrying_links: Mapping[str, float]
 
 
 class ShapePoints(NamedTuple):
@@ -148,7 +149,7 @@ def standing(
         margin=_margin(contact_points[:, :2], com[:2]),
         height=float(com[2] - contact_points[:, 2].min()),
         torque=_holding_torque(plant, robot, context, contacts),
-        ends=_contact_distances(station, robot, context, contacts),
+        carrying_links=_contact_distances(station, robot, context, contacts),
     )
 
 
@@ -205,12 +206,15 @@ def _support_points(
 
 
 def outline(station: StationPlant, body: RigidBody) -> Vector:
-    """Find the outermost points of all collision shapes of a body, in the frame of the body, shape (k, 3) [m].
+    """Collect points that represent the extent of all collision shapes of a body.
 
-    Without shapes k is 0.
+    Returns:
+        the corners of each shape or, of a curved shape, its outermost points in 26 directions, in the frame of the
+        body, shape (k, 3) [m]. If the body has no shapes, k is 0.
     """
     inspector = station.scene_graph.model_inspector()
     outlines = [shape_outline(inspector, shape) for shape in station.shapes_of_body(body)]
+    # The empty array gives a body without shapes a result of the right shape.
     return np.vstack([np.zeros((0, 3)), *outlines])
 
 
@@ -220,7 +224,10 @@ def _contact_distances(
     context: Context,
     contacts: Collection[StandingContact],
 ) -> dict[str, float]:
-    """Compute for each link with contacts their smallest distance from its joint, see `Standing.ends`."""
+    """Compute for each link with contacts their smallest distance from its joint, as a part of the link's length.
+
+    The result is `Standing.carrying_links`.
+    """
     by_link: dict[str, list[StandingContact]] = {}
     for contact in contacts:
         by_link.setdefault(contact.frame.name(), []).append(contact)
@@ -314,7 +321,8 @@ def _margin(points: Vector, com: Vector) -> float:
         com: centre of mass, shape (2,) [m].
 
     Returns:
-        the distance from the nearest side; negative outside of the area, and 0 if the points span no area.
+        the distance from the nearest side, or 0 if the points span no area. Outside of the area it is minus the largest
+        distance beyond the line of a side, which next to a corner is less than the distance from the area.
     """
     from scipy.spatial import ConvexHull, QhullError
 
@@ -331,7 +339,8 @@ TURNS = (15.0, -15.0, 30.0, -30.0, 60.0, -60.0, 90.0, -90.0)
 """Angles by which a revolute axis is moved to see whether another posture is better [deg]."""
 
 SLIDES = (0.1, 0.2, 0.4)
-"""Distances by which a prismatic axis is moved to see whether another posture is better [m]."""
+"""Distances by which a prismatic axis is moved to see whether another posture is better [m]. All are positive, unlike
+`TURNS`: an axis is only moved towards its upper limit."""
 
 _MOST_STEPS = 10  # largest count of axis moves that reduce overlaps
 
@@ -419,7 +428,7 @@ def neighbouring_postures(
     posture: Vector,
     axes: Iterable[int],
 ) -> Iterator[Vector]:
-    """Yield postures that differ from a posture in one axis, by one of TURNS or SLIDES.
+    """Yield postures that differ from a posture in one axis, by one of TURNS or SLIDES. The posture itself is left out.
 
     Args:
         robot: the robot; postures beyond its limits are left out.

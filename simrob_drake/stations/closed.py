@@ -114,20 +114,23 @@ def closed_station(
     Args:
         station: the station.
         references: reference of each robot by its name. By default they are those of the configuration.
-        sensors: see :func:`~simrob_drake.stations.station.compose`, as for the arguments that follow.
-        forces: see there.
-        monitors: see there.
-        blocks: see there.
-        lean: see there.
+        sensors: names of the sensors that are added; all sensors by default.
+        forces: whether the forces of the configuration act.
+        monitors: whether monitors are blocks of the diagram. Otherwise the recorder of the run evaluates them.
+        blocks: controllers and other blocks of the user's own, by name; by default those of the configuration.
+        lean: whether blocks that only report, such as poses, are left out unless another block reads them. In a dynamic
+            station without blocks and controllers, the blocks that only pass a reference on are left out, too.
 
     Raises:
-        SimrobError: the blocks cannot be wired like this.
+        SimrobError: a part of the station does not fit the others, or the user's blocks cannot be connected to it.
+        RuntimeError: Drake cannot build the diagram, and there are no blocks of the user's that could be the cause.
     """
     builder = DiagramBuilder()
     # A caller that resumes a run has computed the references already, from the positions at which the run goes on.
     played = station_references(station) if references is None else references
-    # A lean station has no blocks of its own at its inputs: the sources must exist before it. Blocks and controllers
-    # may drive the inputs instead, which is known only after the station has been composed.
+    # Usually a source drives the block that an input of the station is. A lean dynamic station does without this block
+    # and reads the source, which must therefore exist before the station. If there are blocks or controllers, these may
+    # drive the input instead, which is known only after the station has been composed.
     early: dict[str, _DrivenInputs] = {}
     if lean and not blocks and not station.config.controllers:
         early = _early_sources(builder, station, played)
@@ -237,7 +240,9 @@ def _add_source(
 def _early_sources(
     builder: DiagramBuilder, station: ResolvedStation, played: Mapping[str, Reference]
 ) -> dict[str, _DrivenInputs]:
-    """Add the sources of a dynamic station's references before the station, which then needs no blocks as inputs.
+    """Add the sources of a dynamic station's references before the station is composed.
+
+    The station then reads the sources directly, and has no inputs, which are blocks, for the quantities that they give.
 
     Returns:
         the source of each robot by the robot's name; empty for a kinematic station.
@@ -402,8 +407,8 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
     """Check a reference against the joint limits of a robot, over a run of a duration [s].
 
     Raises:
-        InvalidParameter: a position is outside of its limits or not finite. Names the joint, the time, the value and
-            the limits.
+        InvalidParameter: a position is beyond its limits by more than rounding, or not finite. The error names the
+            joint, the time, the value and the limits.
     """
     # A reference is any function of time, so that it is sampled: between samples it may exceed a limit slightly.
     times, positions = reference_samples(reference, duration)

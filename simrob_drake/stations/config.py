@@ -462,6 +462,12 @@ class StationConfig(Renamed):
         """Prefix of the names of a robot's ports, blocks and columns; empty for the only robot of a station."""
         return "" if self.only_robot else f"{robot}."
 
+    def robot_key(self, robot: str) -> str:
+        """Dotted key of the section of a robot: ``robot``, or ``robots.<name>``."""
+        # An only robot with a name of its own is under `robots`, too.
+        has_short_form = list(self.robots) == [NAME_OF_ONLY_ROBOT]
+        return NAME_OF_ONLY_ROBOT if has_short_form else f"robots.{robot}"
+
     @property
     def free_pieces(self) -> list[str]:
         """Names of the free pieces, which only contact and gravity move."""

@@ -305,10 +305,12 @@ def starting_positions(
         unheld_gears: gears of mimic joints that the solver does not hold, by key; the start obeys them, too.
 
     Returns:
-        initial positions by robot, shape (n,) each [rad or m], which obey the couplings and are within the limits.
+        initial positions by robot, shape (n,) each [rad or m]. They obey the couplings and are within the limits, but
+        the axis of a mimic joint may be beyond a limit by its leader's rounding.
 
     Raises:
-        InvalidParameter: ``initial_deg`` is beyond the limits of an axis, or contradicts a coupling.
+        InvalidParameter: the initial position of an axis is beyond its limits by more than rounding, ``initial_deg``
+            contradicts a coupling, or couplings contradict each other.
     """
     positions = {
         name: _initial_position(config.robots[name], name, model) for name, model in models.items()

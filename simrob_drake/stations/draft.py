@@ -321,7 +321,8 @@ def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     """Complete the content of a station whose robot has closed kinematic loops. Returns remarks.
 
-    Couplings close the loops. Only as many axes have motors as the loops leave free; the others are passive.
+    Couplings close the loops. Passive are the axes that the loops move, and those without a motor in the robot's file.
+    So at most as many axes have motors as the loops leave free.
 
     Raises:
         InvalidParameter: no posture closes the loops.
@@ -508,13 +509,16 @@ def at_home(robot: RobotModel) -> Clearance:
 
 
 def _stance_text(stance: Stance) -> str:
-    """Describe a stance: its posture, the links that carry, and the place of the centre of mass."""
+    """Describe a stance that was found: its posture, the links that carry, and the centre of mass.
+
+    The text says that the centre of mass is inside of the support area, which is true of all stances that are found.
+    """
     found = stance.standing
     return message(
         "stations.drafted_stance",
         "{stance}, on {links}; the centre of mass is {margin:.0f} mm inside the support area",
         stance=stance.how,
-        links=", ".join(found.ends),
+        links=", ".join(found.carrying_links),
         margin=found.margin * 1e3,
     )
 

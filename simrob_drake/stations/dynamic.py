@@ -91,10 +91,10 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
 
 
 def _check_external_inputs(config: StationConfig, robots: Mapping[str, StationRobot]) -> None:
-    """Check that inputs of external forces have a tool on which they act.
+    """Check that inputs of external forces have a tool on which they act. A station without robots passes.
 
     Raises:
-        InvalidParameter: the station lists such an input, but none of its robots has a tool.
+        InvalidParameter: the station has robots and lists such an input, but none of the robots has a tool.
     """
     if not robots or any(robot.tcp for robot in robots.values()):
         return

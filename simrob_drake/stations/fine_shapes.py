@@ -143,8 +143,8 @@ class FineShapes:
             station: plant and scene graph of the station.
         """
         self._station = station
-        # Results that are kept. None is a result, too: a shape without convex parts, or a pair of
-        # two such shapes. Recorded as None, it is not examined again.
+        # Results that are kept. None is a result, too: a shape without convex parts, a pair of two
+        # such shapes, or a pair with a half-space. Recorded as None, it is not examined again.
         self._parts: dict[GeometryId, list[PosedShape] | None] = {}
         self._pairs: dict[tuple[GeometryId, GeometryId], PairOfBodies | None] = {}
 

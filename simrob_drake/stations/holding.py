@@ -57,7 +57,7 @@ def holding_findings(
     # Without any mass all torques are 0, which would look like a robot that holds easily.
     lacking = robot.model.links_without_inertia
     if lacking and np.abs(torques).max() <= NO_TORQUE:
-        return [_no_inertia_finding(robot, lacking)]
+        return [_no_inertia_finding(config, robot, lacking)]
     # The last posture is where the reference ends and the robot comes to rest.
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
@@ -74,19 +74,23 @@ def holding_findings(
     return findings
 
 
-def _no_inertia_finding(robot: StationRobot, lacking: Sequence[str]) -> Finding:
+def _no_inertia_finding(
+    config: StationConfig, robot: StationRobot, lacking: Sequence[str]
+) -> Finding:
     """Make the note that torques and payload of a robot are not predicted, since its links have no inertia.
 
     Args:
+        config: configuration of the station.
         robot: the robot.
         lacking: names of the moving links without inertia.
     """
     text = message(
         "stations.torques_need_inertia",
         "not predicted: {count} moving {count:link has|links have} no inertia, such as {link}; set "
-        "robot.import_options.estimate_inertia to true",
+        "{key}.import_options.estimate_inertia to true",
         count=len(lacking),
         link=lacking[0],
+        key=config.robot_key(robot.name),
     )
     subject = message(
         "stations.torques_and_payload", "torques and payload of {robot}", robot=robot.name
@@ -391,7 +395,8 @@ def _payload_finding(
     robot: StationRobot,
 ) -> Finding:
     """Make the finding about the mass [kg] that a robot could carry: a warning if the mass is implausible."""
-    # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already.
+    # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already,
+    # so the doubt that `payload_doubt` has about this case is not asked for.
     if payload > 0:
         doubt = payload_doubt(payload, moving_mass(robot.model.element))
         if doubt:

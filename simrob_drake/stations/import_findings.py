@@ -98,9 +98,10 @@ def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
         element: element that the entry names, such as ``joint 'elbow' <dynamics>``.
     """
     # Entries name a part of the joint's element, such as its dynamics, or the joint itself.
-    joint_name = element.removesuffix(" <dynamics>")
+    whole_element = element.removesuffix(" <dynamics>")
     for name, axis in robot.model.axes.items():
-        if joint_name == message("stations.joint_called", "joint '{joint}'", joint=axis.joint):
+        # Reports are in English. A message compares as its English text, whatever language the user sees.
+        if whole_element == message("stations.joint_called", "joint '{joint}'", joint=axis.joint):
             return name
     return None
 
@@ -170,7 +171,7 @@ def _friction_finding(
         compound("{axis} {friction:g} {unit}", axis=axis, friction=friction, unit=units[axis])
         for axis, friction in frictions.items()
     ]
-    section = "robot" if config.only_robot else f"robots.{robot.name}"
+    section = config.robot_key(robot.name)
     # One axis is set by its own key, several by one mapping, so that the user copies a single option.
     if len(frictions) == 1:
         ((axis, friction),) = frictions.items()

@@ -252,7 +252,8 @@ def bare_station(robot: str, overrides: Mapping[str, Any] | None = None) -> Stat
         overrides: new values, as in :func:`load_station`.
 
     Raises:
-        SimrobError: there is no such robot, or an override is invalid.
+        SimrobError: there is no such robot, or an override is invalid. The message begins with ``robot``
+            where that of a station's file begins with the file.
     """
     origin = "urdf" if is_robot_file(robot) else "model"
     content = {"name": Path(robot).stem, "mode": "kinematic", ONLY_ROBOT: {origin: robot}}
@@ -539,11 +540,12 @@ def _add_to_imports(content: Content, key: str, values: list[str]) -> None:
 
 
 def station_content(config: StationConfig, *, only: Mapping[str, Any] | None = None) -> Content:
-    """Convert a configuration to the content of a station's file.
+    """Convert a configuration to the content of a station's file, with default values and without keys that are None.
 
     Args:
         config: the configuration.
-        only: keys to convert, as pydantic's ``include``; all by default.
+        only: keys to convert, as pydantic's ``include``; all by default. An only robot named ``robot`` is written under
+            ``robot`` if all keys are converted, otherwise under ``robots``.
     """
     return config.to_content(only=only)
 

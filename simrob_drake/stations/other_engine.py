@@ -25,7 +25,7 @@ class OtherEngine(SolverSection):
     """
 
     answers: ClassVar[Engine] = Engine(name="")
-    """Answers of the engine. Its name and its steps are those of the section."""
+    """Properties of the engine, see `Engine`. Its name and its steps are those of the section."""
     time_step: Positive = 1e-3
     """Length of a step [s]."""
 

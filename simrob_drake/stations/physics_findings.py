@@ -87,8 +87,9 @@ def _weightless_findings(ports: StationPorts) -> list[Finding]:
         text = message(
             "stations.lacking_weight",
             "forces do not include the weight of links without inertia ({links}); set "
-            "robot.import_options.estimate_inertia to true, or write the inertias in the URDF",
+            "{key}.import_options.estimate_inertia to true, or write the inertias in the URDF",
             links=list_names(links),
+            key=ports.config.robot_key(robot.name),
         )
         # Forces that are all zero are no trap, forces that are only too small are.
         has_weight = any(mass_of(link) > 0 for link in robot.model.element.iterfind("link"))

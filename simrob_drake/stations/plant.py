@@ -466,7 +466,8 @@ def add_robot(
         listed = ", ".join(model.links_without_inertia)
         remedy = message(
             "stations.kinematic_or_estimate",
-            "set mode to kinematic, or robot.import_options.estimate_inertia to true",
+            "set mode to kinematic, or {key}.import_options.estimate_inertia to true",
+            key=station.config.robot_key(robot.name),
         )
         where = station.config.robots[robot.name].urdf or model.urdf_path
         problem = message(

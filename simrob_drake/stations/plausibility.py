@@ -178,10 +178,12 @@ def _mass_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
     if not solids or model.mass == 0:
         return
     try:
+        # A mesh that encloses no volume counts as its convex hull.
         filled = solid_inertia(solids, closed=False)
-    except InvalidModel:  # a mesh without a volume
+    except InvalidModel:  # Drake cannot read a mesh, or the mesh is flat
         return
-    # The first three of the six numbers of an inertia are the moments, and their sum is the trace.
+    # The first three of the six numbers of an inertia are the moments, and their sum is the trace. With a density of
+    # 1 kg/m³, the mass of the shapes is their volume.
     own = MassProperties(model.mass, np.array(model.com), float(sum(model.inertia[:3])))
     shapes = MassProperties(filled.volume, filled.centre, float(sum(filled.moments[:3])))
     for text in doubts_by_shapes(own, shapes):

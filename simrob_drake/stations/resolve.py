@@ -262,13 +262,13 @@ def _robot_as_described(entry: RobotConfig) -> RobotModel:
 
 
 def _robot_from_files(entry: RobotConfig) -> RobotModel:
-    """Read a robot with its URDF from its files.
+    """Read a robot from its files, with its URDF or with the links that follow from its Denavit-Hartenberg table.
 
     Raises:
         SimrobError: the files have a defect.
     """
     robot = _described_robot(entry)
-    robot.element  # noqa: B018  # reads the URDF now, so that the cache records its file
+    robot.element  # noqa: B018  # read now, so that the cache records the file of the URDF
     return robot
 
 

@@ -115,19 +115,22 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
 
 
 def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor | None:
-    """Fill in the values of an axis's motor from the model that it names.
+    """Fill in the values of an axis's motor from the entry of the motor catalogue that it names.
 
     Args:
-        choice: name of a model, or values that may name a model, which they change.
+        choice: name of a motor in the catalogue, or values of a motor. The values may contain such a name, and then
+            replace single values of the named motor. Two names are no entries: ``urdf`` for the limits of the URDF, and
+            ``none`` for no motor.
         robot: the robot, for a motor that has the limits of the URDF.
         axis: index of the axis.
 
     Returns:
-        the motor with its values at the output of its gear, or None if the axis shall have no model of a motor.
+        the motor with its torques behind the losses of its gear, or None if the choice names ``none``.
 
     Raises:
-        UnknownName: there is no such model.
-        InvalidParameter: the URDF has no limits, or a supply is given without the voltage of the values.
+        UnknownName: the catalogue has no motor of that name.
+        InvalidParameter: the URDF does not limit effort and velocity, or a supply is given without the voltage or the
+            current at which the motor's values hold.
         Unsuitable: the torque at rest or the speed without load is missing.
     """
     stated = Motor(model=choice) if isinstance(choice, str) else choice
@@ -143,11 +146,11 @@ def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor 
     else:
         subject = message("stations.motor_for", "motor for {key}", key=_KEY)
         raise UnknownName(subject, stated.model, [*known_motors(), OF_URDF, NO_MOTOR])
-    # Values that the station gives replace those of the model that it names.
+    # Values that are stated replace those of the named motor.
     motor = base.model_copy(update=stated.model_dump(exclude_unset=True, exclude={"model"}))
     _check_motor_values(motor)
-    # Servos count torques at the joint. The torques of a motor with a gear efficiency do not contain the losses of
-    # the gear yet.
+    # Servos count torques at the joint. Until here, the torques of a motor with a gear efficiency are those before the
+    # losses in the gear: `at_output` multiplies them by the efficiency. Ratio and speeds stay.
     return motor.at_output
 
 
@@ -155,7 +158,8 @@ def _motor_of_urdf(robot: RobotModel, axis: int) -> Motor:
     """Create a motor from the effort and velocity limits of an axis in the URDF.
 
     Raises:
-        InvalidParameter: the URDF does not limit both.
+        InvalidParameter: the URDF does not limit both. An effort of 0 counts as missing, and so does a velocity of 0,
+            which `RobotModel.speed_limits` reads as infinite.
     """
     torque = float(robot.efforts[axis])
     speed = float(robot.speed_limits[axis])

@@ -121,7 +121,7 @@ class SolverSection(Strict, ABC):
     @property
     @abstractmethod
     def engine(self) -> Engine:
-        """Answers of this solver."""
+        """Properties of the engine that this solver makes, see `Engine`."""
 
     @abstractmethod
     def tighter(self, factor: float = TIGHTER) -> Self:
@@ -154,7 +154,7 @@ class ContinuousSolver(SolverSection):
 
     @property
     def engine(self) -> Engine:
-        """Answers of the scheme. Without error control its steps have the same length."""
+        """Properties of the scheme, see `Engine`. Without error control its steps have the same length."""
         known = CONTINUOUS_SCHEMES[self.scheme]
         # Without error control all steps are max_step long, so that checks treat the scheme as one
         # of fixed steps.
@@ -183,7 +183,7 @@ class DiscreteSolver(SolverSection):
 
     @property
     def engine(self) -> Engine:
-        """Answers of the scheme, with the length of its steps."""
+        """Properties of the scheme, see `Engine`, with the length of its steps."""
         return replace(DISCRETE_SCHEMES[self.scheme], time_step=self.time_step)
 
     @property

@@ -270,14 +270,14 @@ class Stances:
             feet: names of the links that may touch the ground.
             length: full length of the legs [m].
         """
-        others = found.ends.keys() - feet
+        others = found.carrying_links.keys() - feet
         if others:
             yield message(
                 "stations.stands_on_others",
                 "the robot also stands on {links}",
                 links=", ".join(sorted(others)),
             )
-        if min(found.ends.values()) < KNEELING:
+        if min(found.carrying_links.values()) < KNEELING:
             yield message("stations.it_kneels", "the robot kneels")
 
         heights = self._clearance.lowest(self._robot)

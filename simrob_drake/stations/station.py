@@ -104,7 +104,7 @@ def add_station(
     """Add a station's systems to a diagram under construction, flat.
 
     This is the primitive, as ``AddMultibodyPlantSceneGraph`` is: it leaves the inputs open, so the caller connects or
-    exports each of them. The plant is named ``plant``, or ``<name>.plant``.
+    exports each of them. A plant that is made here is named ``plant``, or ``<name>.plant``; your own keeps its name.
 
     Args:
         builder: builder of the diagram. For the scheme ``cenic`` it is that of the root diagram, without other plants.
@@ -291,7 +291,8 @@ def add_world(
         overrides: new values of the station, as :func:`load_station` takes them.
 
     Raises:
-        SimrobError: there is no such station, it does not step Drake's plant, or the names are taken.
+        SimrobError: there is no such station, it is kinematic, its solver does not step Drake's plant, or the names are
+            taken.
     """
     instance(
         builder,

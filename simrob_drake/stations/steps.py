@@ -508,9 +508,10 @@ def _set_iteration(integrator: CenicIntegrator, accuracy: float, step: float) ->
     A new factorization is computed in each iteration. If an old one is used again, a joint stays at its limit too long.
 
     The iteration may end a little earlier than with Drake's default, since ``min_tolerance``, the lower bound of its
-    tolerance, is raised. The error that remains must be a small share of the error of the step itself. The bound is
-    therefore lower for a finer accuracy, in proportion to it, and for shorter steps, in proportion to the square of
-    their length. Otherwise momentum is lost, and the faster the shorter the steps are.
+    tolerance, is raised. The error that remains must be a small share of the error of the step itself, otherwise
+    momentum is lost, and the faster the shorter the steps are. The bound is therefore the smallest of three values: one
+    in proportion to the accuracy, one in proportion to the square of the step's length, and a constant. It is never
+    below Drake's default.
 
     With error control, Drake's own tolerance is 1e-3 times the accuracy, and the larger one of it and the bound counts.
     Without error control, the bound is the tolerance.
@@ -522,8 +523,7 @@ def _set_iteration(integrator: CenicIntegrator, accuracy: float, step: float) ->
     """
     parameters = integrator.get_solver_parameters()
     parameters.enable_hessian_reuse = False
-    # 1e-5 is small enough at an accuracy of 1e-3 and steps of 20 ms. The smaller one of the two shares reduces it, but
-    # never below Drake's default.
+    # 1e-5 is small enough at an accuracy of 1e-3 and steps of 20 ms, and is the constant.
     share = min(1.0, accuracy / 1e-3, (step / 0.02) ** 2)
     parameters.min_tolerance = max(IcfSolverParameters().min_tolerance, 1e-5 * share)
     integrator.SetSolverParameters(parameters)

@@ -70,7 +70,7 @@ def _robot_values(
 ) -> Iterator[tuple[str, ValueInForce]]:
     """Yield dotted keys and values of a robot that the station leaves out."""
     section = config.robots[name]
-    top = "robot" if config.only_robot else f"robots.{name}"
+    top = config.robot_key(name)
     if section.tcp is None and robot.tcp:
         # A piece that the robot carries is its tool, too.
         yield (

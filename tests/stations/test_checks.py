@@ -76,6 +76,22 @@ def test_a_reference_that_begins_away_from_the_robot_is_foretold():
     )
 
 
+@pytest.mark.parametrize("section", ["robot", "robots.left"])
+def test_the_start_of_an_only_robot_is_set_under_the_key_of_its_section(section):
+    station = {
+        "name": "only_one",
+        "mode": "dynamic",
+        f"{section}.model": "irb120",
+        "reference": {"kind": "hold", "target_deg": 0},
+    }
+    settings = {f"{section}.initial_deg": {"joint_5": 90}}
+    checked = check_station(load_station({"name": "only_one"}, station | settings))
+    (jump,) = [finding for finding in checked if "start of" in finding.subject]
+    assert jump.text.endswith(
+        f"; set {section}.initial_deg, or let the reference begin at the robot's initial position"
+    )
+
+
 def test_a_reference_that_begins_where_the_robot_does_is_in_order():
     near = {"reference": {"kind": "hold", "target_deg": 0}, "robot.initial_deg": {"joint_5": 0.5}}
     assert not [finding for finding in findings(near) if "start of" in finding.subject]

@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base.errors import SimrobError
@@ -25,6 +26,14 @@ KINEMATIC = {
 }
 
 
+def named(file):
+    """Give the only robot of a station's file the name `arm`, under the key `robots`. Returns the file."""
+    content = yaml.safe_load(file.read_text())
+    content["robots"] = {"arm": content.pop("robot")}
+    file.write_text(yaml.safe_dump(content))
+    return file
+
+
 def warnings_of(config):
     return [finding.text for finding in check_station(config) if finding.level == "warning"]
 
@@ -38,6 +47,40 @@ def test_lost_friction_names_the_setting_that_brings_it_back(tmp_path):
     )
     with_friction = load_station(file, {"robot.drives.friction.lift": 1})
     assert warnings_of(with_friction) == []
+
+
+def test_lost_friction_of_an_only_robot_with_a_name_has_a_setting_that_acts(tmp_path):
+    file = named(lifting_file(tmp_path, [{"wait": 0.1}], friction=1.0))
+    (warning,) = warnings_of(load_station(file))
+    assert "`--set robots.arm.drives.friction.lift=1` restores it" in warning
+    assert warnings_of(load_station(file, {"robots.arm.drives.friction.lift": 1})) == []
+
+
+ESTIMATE = "robots.arm.import_options.estimate_inertia"
+
+
+def test_links_without_inertia_name_the_key_of_the_robot_that_has_them(tmp_path):
+    """The key of a robot with a name is under `robots`: the key `robot` would be refused."""
+    file = named(lifting_file(tmp_path, [{"wait": 0.1}], right_has_inertia=False))
+    with pytest.raises(SimrobError, match=rf"kinematic, or {ESTIMATE} to true"):
+        check_station(load_station(file))
+    kinematic = load_station(file, KINEMATIC)
+    (warning,) = simulate(kinematic, progress=False).warnings
+    assert f"set {ESTIMATE} to true, or write the inertias in the URDF" in warning
+    assert load_station(file, {ESTIMATE: True}).robots["arm"].import_options.estimate_inertia
+
+
+def test_torques_that_are_not_predicted_name_the_key_of_the_robot(tmp_path):
+    (tmp_path / "arm.urdf").write_text(
+        """<robot name="arm"><link name="base"/><link name="bar"/>
+        <joint name="turn" type="revolute"><parent link="base"/><child link="bar"/><axis xyz="0 1 0"/>
+        <limit lower="-1" upper="1" effort="10" velocity="1"/></joint></robot>"""
+    )
+    file = tmp_path / "bare.yaml"
+    file.write_text("{mode: kinematic, robots: {arm: {urdf: arm.urdf}}}")
+    texts = [finding.text for finding in check_station(load_station(file))]
+    (text,) = [text for text in texts if text.startswith("not predicted")]
+    assert text.endswith(f"set {ESTIMATE} to true")
 
 
 def test_a_run_says_that_friction_was_left_out_and_not_that_it_is_inaccurate(tmp_path):

@@ -43,7 +43,7 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
     assert np.abs(feet).max() < 0.02
     assert knees.min() > 0.1
     assert stance.standing.gap == pytest.approx(0.0, abs=1e-9)
-    assert set(stance.standing.ends) == {f"shank{number}" for number in range(4)}
+    assert set(stance.standing.carrying_links) == {f"shank{number}" for number in range(4)}
     lower, upper = robot.model.axis_limits
     assert ((stance.posture >= lower) & (stance.posture <= upper)).all()
     hips_ahead = np.array([0.18, 0.18, -0.18, -0.18])
@@ -70,7 +70,7 @@ def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effo
     stances = Stances(clearance, clearance.station.robots["robot"])
     found = list(stances.find())
     if effort > 2.0:
-        assert [(stance.how, list(stance.standing.ends)) for stance in found] == [
+        assert [(stance.how, list(stance.standing.carrying_links)) for stance in found] == [
             ("in the home posture", ["trunk"])
         ]
         assert stances.lacking == ""

@@ -63,6 +63,16 @@ def test_robots_that_share_a_section_but_not_the_value_have_none() -> None:
     assert "servo.kp" not in values
 
 
+def test_values_of_an_only_robot_are_under_the_key_of_its_section() -> None:
+    """A robot with a name of its own is under `robots`, even if it is the only one."""
+    for section in ("robot", "robots.left"):
+        station = {"name": "only_one", f"{section}.model": "irb120", "mode": "dynamic"}
+        own = {f"{section}.servo": {"realization": "implicit"}}
+        values = values_in_force(load_station({"name": "only_one"}, station | own))
+        assert f"{section}.servo.kp" in values
+        assert not [key for key in values if key.startswith("robot") and section not in key]
+
+
 def test_a_passive_axis_has_no_gains() -> None:
     """The pole of the cart has no motor; the cart's gains are the only ones."""
     values = found("cart_pole", {"servo.torque_limit": None})

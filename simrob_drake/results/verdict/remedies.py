@@ -17,7 +17,6 @@ from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.torques import torque_shares
-from simrob_drake.stations.config import NAME_OF_ONLY_ROBOT
 from simrob_drake.stations.solver_config import ContinuousSolver
 from simrob_drake.stations.start_jump import axes_off_reference, jump_text
 
@@ -218,14 +217,14 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
         "results.remedy_start",
         "{jump}: set {key}, or begin the reference where the robot begins",
         jump=jump_text(robot, axis, positions[0, axis], references[0, axis]),
-        key=f"{_robot_key(run, robot)}.initial_deg",
+        key=f"{run.config.robot_key(robot.name)}.initial_deg",
     )
     # A run that begins in a state, and a robot on its feet, do not begin in another posture by this key alone.
     if run.start is not None or run.did or robot.model.base == "floating":
         return Remedy(text)
     # The key takes degrees and metres.
     start = [_round_position(value) for value in references[0] / robot.model.user_units]
-    return Remedy(text, key=f"{_robot_key(run, robot)}.initial_deg", value=start)
+    return Remedy(text, key=f"{run.config.robot_key(robot.name)}.initial_deg", value=start)
 
 
 def less_load(run: RecordedRun, entry: WorstValue) -> Remedy | None:
@@ -404,13 +403,6 @@ def _presses_on_something(
     return not bool(against_gravity[saturated].any())
 
 
-def _robot_key(run: RecordedRun, robot: StationRobot) -> str:
-    """Dotted key of the section of a robot: ``robot``, or ``robots.<name>``."""
-    # A station whose only robot has another name has the section `robots`, too.
-    has_short_form = list(run.config.robots) == [NAME_OF_ONLY_ROBOT]
-    return NAME_OF_ONLY_ROBOT if has_short_form else f"robots.{robot.name}"
-
-
 def _round_position(value: float) -> float:
     """Round a position of an axis to six significant digits, without a negative zero."""
     # Adding zero turns -0.0 into 0.0.
@@ -420,7 +412,7 @@ def _round_position(value: float) -> float:
 def _servo_key(run: RecordedRun, robot: StationRobot, key: str) -> str:
     """Dotted key of an entry of the servo section that a robot uses: its own one, or the station's."""
     has_own_section = run.config.robots[robot.name].servo is not None
-    return f"{_robot_key(run, robot)}.servo.{key}" if has_own_section else f"servo.{key}"
+    return f"{run.config.robot_key(robot.name)}.servo.{key}" if has_own_section else f"servo.{key}"
 
 
 def _with_longer_reference(
@@ -439,7 +431,7 @@ def _with_longer_reference(
     if duration is None or run.references.get(robot.name) is not None or run.did:
         return Remedy(text)  # a program, or Python code, decides how the robot moves
     has_own_section = run.config.robots[robot.name].reference is not None
-    section = f"{_robot_key(run, robot)}." if has_own_section else ""
+    section = f"{run.config.robot_key(robot.name)}." if has_own_section else ""
     longer = _readable(factor * duration)
     # A motion that outlasts the run would not reach its target: then the user chooses both durations.
     fits = getattr(reference, "start", 0.0) + longer <= run.config.duration

@@ -132,7 +132,7 @@ def test_legs_that_lie_level_at_zero_are_found_and_stood_on(tmp_path):
     anatomy, stance = seen(spider().write(tmp_path))
     assert len(anatomy.legs) == 6
     assert stance.height > 0.05
-    assert stance.standing.ends.keys() == {f"c{number}" for number in range(6)}
+    assert stance.standing.carrying_links.keys() == {f"c{number}" for number in range(6)}
 
 
 @pytest.mark.long
