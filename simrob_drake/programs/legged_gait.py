@@ -95,8 +95,7 @@ def planned_gait(
     if isinstance(gait, SolvedGait) and not sets_bearing:
         gait = _with_arms(gait, model, taught_arms(robot, gait.feet))
     made = changes.get("feet") or gait.made_for(model)
-    # A station with several robots has a section for each of them.
-    feet_key = "robot.feet" if situation.config.only_robot else f"robots.{robot.name}.feet"
+    feet_key = f"{situation.config.robot_key(robot.name)}.feet"
     if gait.on_feet and not carries(model, worn, made):
         raise InvalidParameter(
             message("programs.feet_of", "kind of feet of {model}", model=model.name),
