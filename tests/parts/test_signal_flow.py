@@ -223,7 +223,9 @@ class Source(LeafSystem):
 
     def __init__(self):
         super().__init__()
-        self.DeclareVectorOutputPort("inputs.Extra", 1, lambda _, output: output.SetAtIndex(0, 0.25))
+        self.DeclareVectorOutputPort(
+            "inputs.Extra", 1, lambda _, output: output.SetAtIndex(0, 0.25)
+        )
 
 
 def test_a_flow_of_inputs_alone_gives_them_to_the_station():
