@@ -244,10 +244,10 @@ def cruise_to(
 
 
 def _law_of_phases(phases: list[_Phase], length: float) -> TimeLaw:
-    """Join phases to a time law from rest. Phases without duration are left out.
+    """Join phases to a time law from rest. Phases that are shorter than `SHORTEST` [s] are left out.
 
     Args:
-        phases: the phases, in sequence.
+        phases: the phases, in sequence. At least one of them is not shorter.
         length: distance at the end, to which the law is scaled: it removes the rounding of the phases.
     """
     breaks = [0.0]

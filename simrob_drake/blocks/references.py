@@ -144,8 +144,8 @@ class SineReference(ReferenceSignal):
     r"""The reference :math:`q = q_c + a \sin(2 \pi f t + \varphi)`.
 
     Attributes:
-        centre: q_c, shape (n,) [rad].
-        amplitude: a, shape (n,) [rad].
+        centre: q_c, shape (n,) [rad or m].
+        amplitude: a, shape (n,) [rad or m].
         frequency: f [Hz].
         phase: the angle at the start, shape (n,) [rad].
     """
@@ -156,7 +156,7 @@ class SineReference(ReferenceSignal):
     phase: Vector
 
     def values(self, times: Vector, order: int = 0) -> Vector:
-        """Compute the positions at times (m,) [s], shape (m, n) [rad], or their derivative of an order."""
+        """Compute the positions at times (m,) [s], shape (m, n) [rad or m], or their derivative of an order."""
         rate = 2 * np.pi * self.frequency
         # Each derivative multiplies the amplitude by the rate, and shifts the phase by a quarter of a turn.
         angle = rate * times[:, np.newaxis] + self.phase + order * np.pi / 2

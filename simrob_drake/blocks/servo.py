@@ -182,9 +182,10 @@ class ServoGains:
 
     @property
     def judged_limit(self) -> Vector:
-        """Torque limits that torques are compared with, shape (n,) [N·m]: infinite for passive axes.
+        """Torque limits with which torques in motion are compared, shape (n,) [N·m].
 
-        A passive axis has no torque, and no motor that could be too weak.
+        They are the limits of the servos (`torque_limit`), whatever torque the motors can give, and infinite for
+        passive axes. A passive axis has no torque, and no motor that could be too weak.
         """
         return np.where(self.passive, np.inf, self.torque_limit)
 
@@ -207,7 +208,9 @@ class ServoGains:
     def torque_shares(self, torque: Vector, speed: Vector) -> Vector:
         """Compare torques with what the motors can give at their speeds.
 
-        All judgements of motors use this function: those of plans, of runs, of walks and of monitors.
+        Plans, walks, dynamic runs and monitors judge torques in motion by this function. Torques at rest are judged by
+        :meth:`holding_shares` and :attr:`limit_at_rest`. Torques of kinematic runs, in which motors have no effect, are
+        only compared with :attr:`judged_limit`.
 
         Args:
             torque: torques, shape (..., n) [N·m].

@@ -22,9 +22,11 @@ from simrob_drake.parts.resolved import StationContents
 from simrob_drake.parts.site import Site
 from simrob_drake.parts.station_plant import StationPlant
 
-STIFFNESS = 2000.0**2
-"""Stiffness of a coupling for each unit of the inertia that it holds [1/s²]. Under continuous schemes a coupling is a
-spring and a damper, and the parts that it holds vibrate at the square root of this value: 2000 rad/s."""
+STIFFNESS_PER_INERTIA = 2000.0**2
+"""Stiffness of a coupling for each unit of the mass or inertia that it holds [1/s²].
+
+Under continuous schemes a coupling is a spring and a damper, and the parts that it holds vibrate at the square root of
+this value: 2000 rad/s."""
 DAMPING_TIME = 2e-4
 """Ratio of a coupling's damping to its stiffness [s]. With the frequency 2000 rad/s the damping ratio is 0.2."""
 # A larger gap at the start is a mistake in the station. A smaller one comes from a rounded pose, and closes by itself

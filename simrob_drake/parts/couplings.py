@@ -37,7 +37,7 @@ from simrob_drake.base.frames import Vector, transform_from_pose
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.sections import ORIGIN, NotNegative, Number, Pose, Positive, Strict, Triple
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
-from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS, CouplingSection
+from simrob_drake.parts.coupling import DAMPING_TIME, STIFFNESS_PER_INERTIA, CouplingSection
 from simrob_drake.parts.engine import Engine
 from simrob_drake.parts.kinds import Kinds
 from simrob_drake.parts.resolved import WORLD, StationContents
@@ -78,8 +78,9 @@ def add_bushing(
         plant: the plant.
         first: one frame.
         second: the other frame.
-        turns_about_z: leave out the spring against rotation about z, for a hinge. The free axis must not be y: Drake's
-            bushing measures rotations by roll, pitch and yaw, and a pitch of 90 degrees is a singularity.
+        turns_about_z: leave out the spring and the damper against rotation about z, for a hinge. The free axis must
+            not be y: Drake's bushing measures rotations by roll, pitch and yaw, and a pitch of 90 degrees is a
+            singularity.
     """
     # Index 0 is the world, which has no mass.
     bodies = [plant.get_body(BodyIndex(index)) for index in range(1, plant.num_bodies())]
@@ -89,9 +90,9 @@ def add_bushing(
         mass += body.default_mass()
         # Half the trace of the inertia is at least the moment of inertia about any axis.
         inertia += body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2
-    # k = omega² m: a mass m on a spring k vibrates at omega = sqrt(k / m), with omega² = STIFFNESS.
-    linear = STIFFNESS * mass
-    angular = STIFFNESS * float(inertia)
+    # k = omega² m: a mass m on a spring k vibrates at omega = sqrt(k / m), with omega² = STIFFNESS_PER_INERTIA.
+    linear = STIFFNESS_PER_INERTIA * mass
+    angular = STIFFNESS_PER_INERTIA * float(inertia)
     stiffness_about_z = 0.0 if turns_about_z else angular
     # Stiffnesses along x, y, z [N/m] and against roll, pitch, yaw [N·m/rad]. Yaw is the rotation about z.
     linear_stiffness = np.full(3, linear)
@@ -532,7 +533,7 @@ class Gear(CouplingSection):
 
         # The inertia that the spring feels at the start is 1 / (ratios M^-1 ratios), with the mass matrix M.
         inverse_mass = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
-        stiffness = STIFFNESS / (ratios @ inverse_mass @ ratios)
+        stiffness = STIFFNESS_PER_INERTIA / (ratios @ inverse_mass @ ratios)
         # The force is the product of this row with the vector (state, 1). The 1 brings in the constant c.
         force_row = stiffness * np.append(
             -sum_row - DAMPING_TIME * rate_row, self.constant_sum(site.plant)

@@ -9,14 +9,20 @@ from simrob_drake.base.errors import UnknownKey, nearest_name
 from simrob_drake.base.messages import message
 
 LISTABLE = ("feedforward", "reference_velocity", "external_force", "external_torque")
-"""Inputs of a dynamic robot that a station has only if its key ``inputs`` lists them."""
+"""Inputs of a dynamic robot that the key ``inputs`` of its station can list.
+
+A robot also has such an input without that key if its servo or a controller needs it, or if a block of the user's own
+drives it."""
 
 
 class InputPorts(dict[str, InputPort]):
     """Input ports of a station: a dict whose errors propose the nearest name, and how to get an input that is missing.
 
-    Names are ``reference`` (n) and what the station lists under ``inputs``; with several robots they begin with
-    ``<robot>.``.
+    Each robot has the input ``reference`` (n). A robot of a kinematic station also has ``reference_velocity`` and
+    ``reference_acceleration``. A dynamic robot also has the inputs that the station lists under ``inputs``, and those
+    that its servo, a controller or a block of the user's own needs. With several robots, these names begin with
+    ``<robot>.``. There can also be inputs of axes whose motion is prescribed, ``prescribed.<axis>``, and of signal
+    flows, ``<flow>.<block>``.
     """
 
     def __init__(self, prefixes: Iterable[str] = ()) -> None:

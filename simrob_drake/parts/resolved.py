@@ -108,7 +108,10 @@ class ResolvedRobot:
 
     @property
     def load_in_words(self) -> Message:
-        """Mass of each piece that it carries, such as ``gripper 1 kg + load 5 kg``, of those that have one."""
+        """Masses of the pieces that it carries, such as ``gripper 1 kg + load 5 kg``, without pieces of mass 0.
+
+        The text is empty if no piece has a mass.
+        """
         masses = [
             compound("{piece} {mass:.3g} kg", piece=piece, mass=mass)
             for piece, mass in self.loads.items()

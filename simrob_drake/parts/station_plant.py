@@ -89,7 +89,9 @@ class StationPlant:
     holds_constraints: bool = False
     # text before the names of the station's model instances, see `StationContents.scope`
     scope: str = ""
-    is_shared: bool = False  # whether the plant is one of the user's own, with further bodies in it
+    # whether the plant may have further bodies and joints of the user's own: it is the user's plant, or the user's
+    # functions have added to the station's plant
+    is_shared: bool = False
 
     @property
     def plant_block(self) -> Any:
@@ -140,11 +142,14 @@ class StationPlant:
 
     @property
     def joints(self) -> list[Joint]:
-        """Joints of the station's robots and pieces, in the order of the plant."""
+        """Joints of the station's robots and free pieces, in the order of the plant.
+
+        If the plant is not shared, the welds that hold its other pieces are among them, too.
+        """
         joints = [self.plant.get_joint(index) for index in self.plant.GetJointIndices()]
         if not self.is_shared:
             return joints
-        # A shared plant also has joints of the user's own, which are not the station's.
+        # A plant that is shared may also have joints of the user's own, which are not the station's.
         return [joint for joint in joints if int(joint.model_instance()) in self._own_instances]
 
     @cached_property

@@ -111,9 +111,10 @@ def check_body(station: StationContents, key: str, name: str) -> None:
 
     Raises:
         UnknownName: there is no such body; proposes the nearest name.
-        InvalidParameter: it is the floor, and the station has no floor.
+        Unsuitable: it is the floor, and the station has no floor.
     """
-    # The word is always known, so a station without a floor gets an error of its own instead of "unknown name".
+    # Without a floor, the list of names does not contain `floor`. The word is a correct name all the same, so the error
+    # says how to add a floor instead of "unknown name".
     if name == FLOOR and not station.ground.has_floor:
         raise Unsuitable(
             key,
@@ -190,9 +191,15 @@ def _find_shapes(plant: StationPlant, station: StationContents, name: str) -> It
 
 
 def _belongs_to_robot(plant: StationPlant, body: RigidBody, name: str) -> bool:
-    """Whether a body is a part of the robot with a name, or the link with a name.
+    """Check whether a body belongs to the robot or to the link that has a name.
 
-    Links that are fixed to others have no body of their own: their body is that of the link to which they are fixed.
+    The pieces that a robot carries belong to it. A link that is fixed to another one has no body of its own: its body
+    is that of the other link, and belongs to both.
+
+    Args:
+        plant: plant of the station.
+        body: the body.
+        name: name of a robot, or of a link with the prefix of its robot.
     """
     robot = next(
         (one for one in plant.robots.values() if one.instance == body.model_instance()), None

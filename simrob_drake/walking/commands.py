@@ -392,8 +392,8 @@ class Commander:
         """Select the command at a time.
 
         Args:
-            time: time since the run began [s]. No user steers at time zero.
-            hand: stored command of a user, shape (4,).
+            time: time since the run began [s].
+            hand: stored command of a user, shape (4,), which has no effect at time zero.
             by_port: value of the input port, shape (3,): speed ahead and to the left [m/s], turning speed [rad/s]. It
                 is None without such a port, and not finite if the port has no command.
             base: pose of the root x y z [m] qw qx qy qz, shape (7,).
@@ -402,7 +402,8 @@ class Commander:
         Returns:
             The command and the new progress [m]. The command is None if the path decides and the pose is not finite.
         """
-        # A command that was given in an earlier run, which this one continues, is over.
+        # At time zero, the stored command of a user is from an earlier run, which this one continues. The walking loop
+        # deletes it in this sample.
         user_steers = hand[0] and time
         if user_steers:
             return command_of(hand[1:]), progress

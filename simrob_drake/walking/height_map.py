@@ -20,8 +20,9 @@ CELL = 0.01
 _REACH = 6
 # Side of a block: the heights of so many cells are computed at once [cells].
 _BLOCK = 32
-# Cost of a height difference under a foot over that of an equal shift of the foothold [1].
-_ROUGHNESS_WEIGHT = 3.0
+# Cost of a height difference under a foot, or of a step that is too far up or down by this height, over that of an
+# equal shift of the foothold [1].
+_HEIGHT_WEIGHT = 3.0
 # Height differences under a foot that count as none [m].
 _EVEN = 2e-3
 # Cost of leaving the last shift over that of an equal shift [1]. It keeps the foothold from jumping.
@@ -47,7 +48,13 @@ class _Block(NamedTuple):
 
 
 class _Window(NamedTuple):
-    """A block, and the indices of the cell from which `_REACH` cells further a position is."""
+    """A position's surroundings in a block: 2 `_REACH` + 1 cells along x and along y, with the position in the middle.
+
+    Attributes:
+        block: the block that contains the position.
+        row: index of the first cell along x in the arrays of the block. The position's cell is `_REACH` further.
+        column: index of the first cell along y, likewise.
+    """
 
     block: _Block
     row: int
@@ -90,8 +97,8 @@ class HeightMap:
 
         .. math:: |d|^2 + \sum (3 h)^2 + \sum (3 s)^2 + 0.3 |d - d'|^2
 
-        with the height difference h under each foot, the height s by which each foot steps too far up or down, and the
-        last shift d'.
+        with the height difference h under each foot (0 up to 2 mm), the height s by which each foot steps too far up or
+        down, and the last shift d'.
 
         Args:
             feet: positions where the feet are to land.
@@ -101,34 +108,38 @@ class HeightMap:
             rise: largest step up or down [m].
 
         Returns:
-            The shift, or zero if the ground is even under all feet or if no shift is allowed.
+            The shift. It is zero if the ground at the planned places is even and not too high or low, or if no shift is
+            allowed.
         """
-        roughness = np.zeros(_SHIFTS.shape)
+        # Cost of the ground for each shift: the two sums.
+        ground_cost = np.zeros(_SHIFTS.shape)
         size = len(_DISTANCES)
         for place in feet:
             block, row, column = self._window_around(place)
             window = (slice(row, row + size), slice(column, column + size))
             excess = np.maximum(np.abs(block.heights[window] - level) - rise, 0.0)
-            roughness += block.roughness[window] + (_ROUGHNESS_WEIGHT * excess) ** 2
+            ground_cost += block.roughness[window] + (_HEIGHT_WEIGHT * excess) ** 2
         # Most ground is even, and the foothold then stays as planned.
-        if not roughness[_REACH, _REACH]:
+        if not ground_cost[_REACH, _REACH]:
             return 0j
 
         distance: Vector = np.abs(_SHIFTS) ** 2 + _CHANGE_WEIGHT * np.abs(_SHIFTS - chosen) ** 2
         is_allowed = allowed(_SHIFTS)
         if not is_allowed.any():
             return 0j
-        cost = np.where(is_allowed, roughness + distance, np.inf)
+        cost = np.where(is_allowed, ground_cost + distance, np.inf)
         return complex(_SHIFTS.flat[int(cost.argmin())])
 
     def _window_around(self, place: complex) -> _Window:
-        """Find the block of a position, and the cell in it where the positions around begin."""
+        """Find the surroundings of a position, and compute its block if that is new."""
         x = round(place.real / CELL)
         y = round(place.imag / CELL)
         key = (x // _BLOCK, y // _BLOCK)
         # A walk needs few blocks of the ground, so each is computed when the robot comes near it.
         if key not in self._blocks:
             self._blocks[key] = self._compute_block(*key)
+        # The arrays of a block begin `_REACH` cells before the block, so the cell's index in the block is the index of
+        # the window's first cell in the arrays.
         return _Window(self._blocks[key], x - key[0] * _BLOCK, y - key[1] * _BLOCK)
 
     def _compute_block(self, block_x: int, block_y: int) -> _Block:
@@ -152,6 +163,6 @@ class HeightMap:
         side = 2 * self._foot + 1
         under_foot = np.lib.stride_tricks.sliding_window_view(heights, (side, side))
         difference = under_foot.max(axis=(2, 3)) - under_foot.min(axis=(2, 3))
-        roughness = np.where(difference > _EVEN, (_ROUGHNESS_WEIGHT * difference) ** 2, 0.0)
+        roughness = np.where(difference > _EVEN, (_HEIGHT_WEIGHT * difference) ** 2, 0.0)
         inner = slice(self._foot, -self._foot)
         return _Block(heights[inner, inner], roughness)

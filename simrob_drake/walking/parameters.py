@@ -147,8 +147,8 @@ class Feedback(Renamed):
     """Height of a foot at the end of its swing [m]. Legs yield under the weight, so a foot without this height touches
     before it has reached its foothold, and slides."""
     early_touchdown: Share = 0.5
-    """Part of a swing from which a foot that touches ends the step [1]. With 1, no step ends before its time. The foot
-    is at the height of the stance foot from this part on."""
+    """Part of a swing from which a foot that touches ends the step [1]. With 1, no step ends before its time. Without a
+    height map, the foot is at the height of the stance foot from this part on, but not before a tenth of the swing."""
     late_touchdown: NotNegative = 0.0
     """Largest time for which the walk waits for a foot that touches late [s]."""
     search_speed: NotNegative = 0.2

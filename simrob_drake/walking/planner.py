@@ -66,8 +66,8 @@ _BRACE_TIME = 0.2
 # ... and small means below this part of the error that braces the robot [1].
 _BRACE_HYSTERESIS = 0.5
 
-# Least part of a swing before the ground may be felt: the heights of a map are reached in this part [1].
-_LEAST_BLIND_PART = 0.1
+# Least part of a swing in which a foot goes to the height of the ground, also if it may feel the ground earlier [1].
+_LEAST_HEIGHT_PART = 0.1
 # Times of a landing are equal if they differ by less [s].
 _SAME_TIME = 1e-9
 
@@ -135,10 +135,12 @@ class WalkPlanner:
 
         self._has_feedback = parameters.feedback is not None
         self._feedback = parameters.feedback or Feedback()
-        # Part of a swing in which the foot cannot feel the ground: all of the swing without feedback.
-        self._blind_part = 1.0
+        # First part of a swing, in which a foot goes to the height of the ground. With a height map, it only goes up
+        # then. The part ends when the foot may feel the ground, but has a least value. Without feedback it is the whole
+        # swing.
+        self._height_part = 1.0
         if self._has_feedback:
-            self._blind_part = max(self._feedback.early_touchdown, _LEAST_BLIND_PART)
+            self._height_part = max(self._feedback.early_touchdown, _LEAST_HEIGHT_PART)
 
     def sample(
         self, stride: Stride, command: Command, estimate: Estimate | None, omega: float
@@ -152,8 +154,8 @@ class WalkPlanner:
             omega: natural frequency of the pendulum [1/s].
 
         Returns:
-            The references of this sample, the height of the swing foot above the ground [m], and the state of the
-            walk for the next sample.
+            The references of this sample, the height of the swing foot above the expected ground [m], and the state of
+            the walk for the next sample.
         """
         if not self._has_feedback:
             estimate = None
@@ -216,11 +218,12 @@ class WalkPlanner:
         feedback = self._feedback
         trunk = stride.trunk
         lean_part = self._part(feedback.lean_rate)
-        upright = 1.0 - self._part(feedback.upright_rate)
+        # The part of a lean that remains while it decays to upright.
+        remaining_part = 1.0 - self._part(feedback.upright_rate)
         return trunk._replace(
             com=trunk.com + self._part(feedback.com_rate) * (estimate.com - trunk.com),
-            lean=upright * (trunk.lean + lean_part * (estimate.lean - trunk.lean)),
-            pitch=upright * (trunk.pitch + lean_part * (estimate.pitch - trunk.pitch)),
+            lean=remaining_part * (trunk.lean + lean_part * (estimate.lean - trunk.lean)),
+            pitch=remaining_part * (trunk.pitch + lean_part * (estimate.pitch - trunk.pitch)),
             rise=trunk.rise - self._part(feedback.height_rate) * trunk.rise,
         )
 
@@ -461,7 +464,7 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
 
         Returns:
-            The stride, and the height of the swing foot above the ground [m].
+            The stride, and the height of the swing foot above the expected ground [m].
         """
         step = stride.step
         swing = stride.swing
@@ -495,8 +498,9 @@ class WalkPlanner:
     def _ground_of_swing(self, stride: Stride, estimate: Estimate | None, share: float) -> Ground:
         """Compute the ground under the swing foot, from the height map if there is one.
 
-        Without a map, the ground is expected to be level: the height under the foot goes to that of the stance foot
-        before the ground may be felt, and stays there.
+        Without a map, the ground is expected to have no steps: in the first part of the swing (`_height_part`), the
+        height under the foot goes to that of the stance foot, and then stays there. With a slope, these are the heights
+        in addition to the slope, see :class:`Ground`.
 
         Args:
             stride: state of the walk, with the swing of the last sample.
@@ -505,8 +509,8 @@ class WalkPlanner:
         """
         if self._map is not None and estimate is not None:
             return self._ground_of_map(stride, estimate, share, self._map)
-        blind_part = self._blind_part
-        remainder = 1.0 - progress_since(stride.swing.share / blind_part, share / blind_part)
+        height_part = self._height_part
+        remainder = 1.0 - progress_since(stride.swing.share / height_part, share / height_part)
         return stride.ground._replace(
             height=stride.ground.height * remainder,
             foot_tilt=stride.ground.foot_tilt * remainder,
@@ -517,8 +521,10 @@ class WalkPlanner:
     ) -> Ground:
         """Move each swing foot towards the height of the map at its foothold.
 
-        A foot goes up in the part of the swing before the ground may be felt, and down in the rest of the swing. A
-        foot that feels the ground stays.
+        Heights of feet are those of a :class:`Ground`: above the middle of the stance feet, in addition to the ground's
+        slope. A foot that is too low goes up in the first part of the swing (`_height_part`). A foot that is too high
+        goes down in the rest of the swing, or in the first part if that is the whole swing. A foot that feels the
+        ground stays.
 
         Args:
             stride: state of the walk, with the swing of the last sample.
@@ -534,15 +540,16 @@ class WalkPlanner:
         footholds = [landing.place + yaw * offset for offset in offsets]
         tops = known.heights([estimate.in_world(foothold) for foothold in footholds])
 
-        # Parts of the way up and down that are done in this sample.
+        # Parts of the remaining distances up and down that are done in this sample. After the first part of the swing,
+        # `up` is 0. Before its end, `down` is 0.
         before = stride.swing.share
-        blind_part = self._blind_part
-        rest = 1.0 - blind_part
-        up = progress_since(before / blind_part, share / blind_part)
+        height_part = self._height_part
+        rest = 1.0 - height_part
+        up = progress_since(before / height_part, share / height_part)
         down = up
         if rest:
             down = progress_since(
-                max(before - blind_part, 0.0) / rest, max(share - blind_part, 0.0) / rest
+                max(before - height_part, 0.0) / rest, max(share - height_part, 0.0) / rest
             )
 
         ground = stride.ground
@@ -590,7 +597,7 @@ class WalkPlanner:
         return landing._replace(place=landing.place + shift * estimate.turn)
 
     def _lift_at(self, share: float) -> float:
-        """Height of the swing foot above the ground at a share s of the swing's duration [m].
+        """Height of the swing foot above the expected ground at a share s of the swing's duration [m].
 
         It is lift (4 s (1 - s))^exponent, and the landing height that is reached in the first half.
         """
@@ -652,12 +659,16 @@ class WalkPlanner:
     ) -> Stride:
         """Advance the time, and go over to the other foot if the swing foot has landed.
 
+        The foot may touch from the share `early_touchdown` of its swing on. After the planned time of the landing, a
+        foot that does not touch goes on down for the time `late_touchdown` [s], and then counts as landed. Without an
+        estimate, the foot lands at the planned time.
+
         Args:
             stride: references of this sample.
             command: desired motion.
             estimate: what the sensors measure, or None to walk without feedback.
             xi: reference of the divergent component [m].
-            lift: height of the swing foot above the ground [m].
+            lift: height of the swing foot above the expected ground [m].
         """
         step = stride.step
         if not step.active:
@@ -679,7 +690,7 @@ class WalkPlanner:
         error = abs(self._outside_deadband(estimate.xi - xi)) if estimate is not None else 0.0
         hurries = estimate is not None and error > feedback.hurry_threshold
         if estimate is not None and not hurries:
-            # A step that answers an error is not as long as planned for a reason, so nothing is learnt from it.
+            # A step that answers an error has another length than planned on purpose: nothing is learnt from it.
             stride = self._trim_speed(stride)
         return self._change_feet(stride, command, estimate, lift, hurries=hurries)
 
@@ -694,15 +705,17 @@ class WalkPlanner:
         return self._raise_swing_feet(stride._replace(step=step), distances)
 
     def _trim_speed(self, stride: Stride) -> Stride:
-        """Learn from a step that was too short or too long: add a part of what it lacks to the speed.
+        """Learn from a step that was too short or too long: add a part of the distance that it lacks to the speed.
 
-        A step that took longer than planned lacks the distance that the command asks for in that time, too. A step that
-        was too long, or ended early, lacks a negative distance.
+        The step lacks the distance that the command asks for in the time that the step took, minus the distance that
+        the foot has gone. The lack of a step that was too long is negative.
         """
         step = stride.step
-        planned = self.steps.plan_landing(step.sides[1], step.command)
-        lack = planned.place - stride.swing.place
-        # The foothold is only a part of the distance that the robot goes: feet that are balls roll on by the rest.
+        # The landing that the command itself asks for, without the corrections that are learnt.
+        commanded = self.steps.plan_landing(step.sides[1], step.command)
+        lack = commanded.place - stride.swing.place
+        # A step that took longer than planned lacks more, and one that ended early lacks less. The distance of the foot
+        # is that of the robot divided by the roll factor: feet that are balls roll on by the rest.
         extra_time = step.time - step.nominal
         lack += extra_time / self._stance.roll_factor * step.speed
 

@@ -274,16 +274,17 @@ class Steps:
         The condition is linear in the foothold, see :class:`LandingCondition`.
 
         Args:
-            standing: index of the stance foot.
-            command: the command that the next steps follow.
+            standing: index of the stance foot of the present step.
+            command: the command that the next steps follow. The foot must land with the yaw that it asks for.
             omega: natural frequency of the pendulum [1/s].
         """
         step_weights = weights(omega, self._step_time, self.transfer)
         turn = cmath.exp(1j * command.turn * self._pace)
-        # Seen from the next foot, the next step must begin with the divergent component dcm + w_0 p. Here p is the
-        # zero-moment point at that time, and dcm the result for p = 0. With the foothold u and the rest point r of the
-        # present foot, p = (r - u) / turn. So the divergent component, seen from the present foot, is
-        # u + turn (dcm + w_0 (r - u) / turn) = (1 - w_0) u + (turn dcm + w_0 r).
+        # When the swing foot lands at u, the zero-moment point is at the rest point r of the present foot. Seen from
+        # the foot that lands, it is at p = (r - u) / turn.
+        # The next step must begin with a divergent component that is linear in p: dcm + w_0 p, seen from the foot that
+        # lands. Its constant dcm is the result of `dcm_at_start` for p = 0.
+        # Seen from the present foot, it is u + turn (dcm + w_0 (r - u) / turn) = (1 - w_0) u + (turn dcm + w_0 r).
         dcm = self.dcm_at_start(1 - standing, command, step_weights, 0j)
         offset = turn * dcm + step_weights.start * self.rest_points[standing]
         return LandingCondition(step_weights.start, offset)
@@ -403,7 +404,7 @@ class DivergentComponent:
     rest: complex
 
     def at(self, time: float) -> complex:
-        """Predict the divergent component at a later time since the step began [m].
+        """Predict the divergent component at a later time since the step began [m]. The foot must have lifted by then.
 
         It solves the equation of the module for the end: xi_T = (xi_0 - w_0 p_0 - w_1 p_1) exp(omega T).
         """

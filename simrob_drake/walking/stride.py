@@ -102,7 +102,8 @@ class Ground(NamedTuple):
     """The ground under the feet.
 
     Attributes:
-        height: height of the ground under the swing foot above that under the stance foot [m].
+        height: height of the ground under the middle of the swing feet above that under the middle of the stance feet,
+            in addition to the height by `slope` [m].
         slope: slope of the ground, ahead and to the left [1].
         tilt: slope of the line between the two feet of the stance pair, in addition to `slope` [1].
         foot_tilt: slope of the line between the two feet of the swing pair, in addition to `slope` [1].

@@ -32,7 +32,7 @@ def motors(limit=(LIMIT, np.inf), nominal=(NOMINAL, np.inf), fastest=1.0, **chan
         limit=np.array(limit),
         nominal=np.array(nominal),
         stiffness=np.array([KP, 500.0]),
-        fastest=np.full(2, fastest),
+        return_speed=np.full(2, fastest),
         names=["hip", "knee"],
         units=["N·m", "N·m"],
     )

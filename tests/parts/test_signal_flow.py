@@ -218,6 +218,31 @@ def test_an_open_input_is_driven_by_a_block_of_the_users_own():
     assert np.ptp(direct["q.joint_1"]) > 0.4
 
 
+class Source(LeafSystem):
+    """A block of the user's own that gives the input ``inputs.Extra`` of a station the value 0.25."""
+
+    def __init__(self):
+        super().__init__()
+        self.DeclareVectorOutputPort(
+            "inputs.Extra", 1, lambda _, output: output.SetAtIndex(0, 0.25)
+        )
+
+
+def test_a_flow_of_inputs_alone_gives_them_to_the_station():
+    """The flow computes nothing, but a block of the user's own drives its input, and another flow reads it."""
+    inputs = {"kind": "signal_flow", "blocks": {"Extra": {"kind": "input"}}}
+    reader = {"kind": "signal_flow", "blocks": {"Sum": {"kind": "sum", "of": {"inputs.Extra": 2}}}}
+    config = load_station("irb120_dynamic", {"controllers": {"inputs": inputs, "reader": reader}})
+
+    ports = add_station(DiagramBuilder(), config)
+    result = simulate(config, duration=0.01, blocks=[Source()], progress=False)
+
+    assert "inputs.Extra" in ports.inputs
+    assert result.notes["inputs"] == {"kind": "signal_flow"}
+    np.testing.assert_array_equal(result["inputs.Extra"], 0.25)
+    np.testing.assert_array_equal(result["reader.Sum"], 0.5)
+
+
 @pytest.mark.parametrize(
     ("blocks", "message"),
     [

@@ -435,16 +435,19 @@ class MotorProtection(LoopSection):
         kp = np.where(is_sagging, robot.gains.kp, 1.0)
         compliance = np.where(is_sagging, 1 / kp, 0.0)
         # On a floating robot, the torques against the weight depend on the forces at its feet, which are not known.
-        weight = None if robot.floats else _ArmWeight(site.plant.plant, robot.axis_map, compliance)
+        arm_weight = (
+            None if robot.floats else _ArmWeight(site.plant.plant, robot.axis_map, compliance)
+        )
         return GuardedMotors(
             self,
             limit=limit,
             nominal=nominal,
             stiffness=robot.gains.kp,
-            fastest=robot.model.user_units * self.return_deg,
+            # The units are factors from deg to rad for axes that turn, and 1 for axes that slide.
+            return_speed=robot.model.user_units * self.return_deg,
             names=robot.axes,
             units=robot.model.effort_units,
-            weight=weight,
+            arm_weight=arm_weight,
         )
 
 
@@ -501,10 +504,10 @@ class GuardedMotors(SampledBlock):
         limit: Vector,
         nominal: Vector,
         stiffness: Vector,
-        fastest: Vector,
+        return_speed: Vector,
         names: Sequence[str],
         units: Sequence[str],
-        weight: _ArmWeight | None = None,
+        arm_weight: _ArmWeight | None = None,
     ) -> None:
         """Create the block for n axes.
 
@@ -513,10 +516,10 @@ class GuardedMotors(SampledBlock):
             limit: torque limit L of each axis, shape (n,) [N·m].
             nominal: torque that each motor may give forever, shape (n,) [N·m].
             stiffness: gain kp of the servos, shape (n,) [N·m/rad].
-            fastest: speed at which each axis returns, shape (n,) [rad/s].
+            return_speed: speed at which each axis returns, shape (n,) [rad/s].
             names: names of the axes.
             units: units of the torques, for messages.
-            weight: compensation of the arm's weight when the robot stops. If it is None, the axes may sag then.
+            arm_weight: compensation of the arm's weight when the robot stops. If it is None, the axes may sag then.
         """
         size = len(limit)
         period = 1 / section.rate
@@ -526,11 +529,11 @@ class GuardedMotors(SampledBlock):
         self._nominal = nominal
         self._stiffness = stiffness
         self._heat_share = -math.expm1(-period / section.thermal_time)  # 1 - exp(-T / T_th)
-        self._largest_return = period * fastest  # in one sample [rad]
+        self._largest_return = period * return_speed  # in one sample [rad]
         self._force_limit = None if section.force is None else force_limit(section.force)
         self._names = names
         self._units = units
-        self._weight = weight
+        self._arm_weight = arm_weight
 
         zero = np.zeros(size)
         none = np.zeros(1)
@@ -646,9 +649,9 @@ class GuardedMotors(SampledBlock):
         if self._section.then == "end":
             raise RunEnds(reason)
         target = position
-        if self._weight is not None:
+        if self._arm_weight is not None:
             # At the position itself as reference, the arm would sag away from it.
-            target = position + self._weight.compensation(position)
+            target = position + self._arm_weight.compensation(position)
         # In the new stage, `lasts` is the time for which nothing is overloaded.
         return {"target": target, "active": 1.0, "stage": _STOPPED, "lasts": 0.0}
 

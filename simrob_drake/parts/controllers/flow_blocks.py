@@ -147,10 +147,10 @@ class FlowBlock(Strict, NetBlock):
                 if fewest == most
                 else message("parts.inputs_or_more", "{fewest} or more", fewest=fewest)
             )
-            raise InvalidParameter(count_of_inputs(key), len(self.inputs), expected)
+            raise InvalidParameter(words_for_input_count(key), len(self.inputs), expected)
 
 
-def count_of_inputs(key: str) -> str:
+def words_for_input_count(key: str) -> str:
     """Words for the count of a block's inputs, for errors.
 
     Args:
@@ -390,7 +390,7 @@ class MathFunction(FlowBlock):
         count = len(self.inputs)
         if count != needed:
             raise InvalidParameter(
-                count_of_inputs(key),
+                words_for_input_count(key),
                 count,
                 message(
                     "parts.as_function_takes",

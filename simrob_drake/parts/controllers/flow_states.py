@@ -23,9 +23,9 @@ from simrob_drake.parts.controllers.flow_blocks import (
     FlowBlock,
     Row,
     choose,
-    count_of_inputs,
     maximum,
     minimum,
+    words_for_input_count,
 )
 
 
@@ -345,7 +345,7 @@ class Pid(Bounded, FlowBlock):
         """
         if len(self.inputs) == 2:
             raise InvalidParameter(
-                count_of_inputs(key),
+                words_for_input_count(key),
                 2,
                 message(
                     "parts.one_or_three_inputs",

@@ -105,7 +105,8 @@ class LoopSection(ControllerSection):
     def read_names(self) -> list[str]:
         """Names that the user gives for what the loop reads: of sensors, of outputs, or of an output's column.
 
-        Parts of a name are separated by dots, such as ``force.left``.
+        Parts of a name are separated by dots, such as ``force.left``. An input without an entry in ``reads`` adds no
+        name. So a kind with an input that itself has the name of a sensor's output must add this name.
         """
         return list(self.reads.values())
 
@@ -290,7 +291,8 @@ def sensors_read(
 ) -> set[str]:
     """Find the sensors that must take samples while a station is stepped.
 
-    These are the sensors that loops read, those that are set to it, and those that such sensors read themselves.
+    These are the sensors that the names of loops contain (`read_names`), those that sample in any case
+    (`samples_while_stepping`), and those that these sensors read themselves.
 
     Args:
         loops: sections of the station's loops and signal flows, by name.
@@ -299,7 +301,8 @@ def sensors_read(
     Returns:
         The names of the sensors.
     """
-    # A loop reads ``force.left`` or ``left``: each part between the dots may be the name of a sensor.
+    # A loop reads ``force.left`` or ``left``: each part between the dots may be the name of a sensor. A part that only
+    # has the same name as a sensor gives one sensor too many, which only costs time.
     read_parts = set[str]()
     for loop in loops.values():
         for name in loop.read_names:

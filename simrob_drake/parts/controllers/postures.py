@@ -428,8 +428,13 @@ class FallGuard(LoopSection):
     def source(
         self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site, key: str
     ) -> OutputPort:
-        """Find the port that an input reads. The input ``state`` reads the state of the whole plant."""
-        # The state is no output of the station, so it cannot be found by its name.
+        """Find the output port that an input of the guard's block reads.
+
+        The input ``state``, which the block has if the section sets a bound for the capture point, reads the state of
+        the whole plant. All other inputs read outputs of the station, see the base class, where the arguments are
+        described.
+        """
+        # The plant's state is no output of the station, so the base class cannot find it by its name.
         return site.state if name == "state" else super().source(builder, name, robot, site, key)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:

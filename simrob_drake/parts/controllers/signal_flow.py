@@ -308,7 +308,8 @@ class SignalFlow(ControllerSection):
             site: the station under construction.
             name: name of the flow.
             monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
-            integrated: whether other parts of the diagram may have continuous states.
+            integrated: whether the diagram may have continuous states, see
+                :func:`simrob_drake.blocks.signal_net.signal_net`.
 
         Returns:
             The port of the torques of the flow's robot, size n [N·m or N]. None if the flow gives no torques.
@@ -322,15 +323,16 @@ class SignalFlow(ControllerSection):
             # One input for each axis of the robot; an empty sum, which is 0, for axes without a torque.
             torques = tuple(self.torque.get(axis, {}) for axis in robot.axes)
             blocks[_TORQUE] = Sums(kind="sum", of=torques)
-        # Such a flow has a single force that adds up no signals: it does nothing.
+        site.outputs.notes[name] = {"kind": self.kind}
+        station_inputs = self._add_station_inputs(builder, site, name)
+        # A flow that computes nothing has no net. It is empty, has forces that add up no signals, or only has blocks of
+        # the kind `input`, which other controllers read.
         if not blocks:
             return None
 
-        station_inputs = self._add_station_inputs(builder, site, name)
         prefix = robot.prefix if robot else ""
         net = _FlowNet(site, f"controllers.{name}", prefix, blocks, station_inputs)
         ports = net.add(builder, f"controller.{name}", integrated=integrated)
-        site.outputs.notes[name] = {"kind": self.kind}
         self._draw(site, name, robot, net)
 
         signals = self.blocks if self.signals is None else self.signals
@@ -524,7 +526,8 @@ class _FlowNet:
         Args:
             builder: builder of the diagram.
             system_name: name of the net's system, and prefix of the names of the systems around it.
-            integrated: whether the diagram may have continuous states.
+            integrated: whether the diagram may have continuous states, see
+                :func:`simrob_drake.blocks.signal_net.signal_net`.
 
         Returns:
             The port of each block's output, by the name of the block.
@@ -691,7 +694,10 @@ class _FlowNet:
 
 
 def _readable_signals(site: Site) -> Iterator[Signal]:
-    """Yield the signals of a station that a flow can read while the station is stepped."""
+    """Yield the signals of a station that a flow can read while the station is stepped.
+
+    They are those with an output, except the signals that a torque changes at once (`_INSTANT_ROLES`).
+    """
     for signal in site.outputs.signals:
         # Signals that are only computed after a run have no output.
         if signal.output in site.outputs and signal.role not in _INSTANT_ROLES:

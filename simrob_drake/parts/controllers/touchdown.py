@@ -105,7 +105,11 @@ class Touchdown(LoopSection):
         return [name for name, axis in robot.model.axes.items() if axis.joint in joints]
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block of the loop."""
+        """Create the block of the loop.
+
+        Raises:
+            Unsuitable: no joint moves a foot, or a joint of a leg slides.
+        """
         limbs = {
             foot: limb_to(robot, robot.tools[foot])
             for foot in self.reads

@@ -1,8 +1,9 @@
 """Kinds of monitor: limits of joints and motors, standing still, running away, contact, falls, and limits of a box.
 
 Each class is a kind of section under ``monitors`` in a station file. Its method `condition` returns the condition that
-ends a run, with a function *excess* of the watched signals: the condition holds if the excess is not negative. Most of
-the classes compute one excess for each axis or side, and the largest of them decides.
+ends a run, with a function *excess* of the watched signals: the condition holds if the excess is not negative. The run
+ends once the condition has held for the time `hold`, and not before the time `after`: both are keys of all monitors.
+Most of the classes compute one excess for each axis or side, and the largest of them decides.
 """
 
 import math
@@ -114,7 +115,10 @@ class TorqueLimit(MonitorSection):
             )
 
     def _limits(self, robot: ResolvedRobot) -> Vector:
-        """Torque limit of each axis, shape (n,) [N·m or N]: that of the section, or else that of the servo."""
+        """Torque limit of each axis, shape (n,) [N·m or N]: that of the section, or else that of the servo.
+
+        The limit of the servo of a passive axis is infinite, since such an axis has no torque.
+        """
         servo_limits = robot.gains.judged_limit
         if self.limit is None:
             return servo_limits
@@ -542,6 +546,7 @@ class Fall(PoseMonitorSection):
             return low if low >= leaning else leaning
 
         def why(pose: Vector) -> str:
+            """Reason why the run ends."""
             found = excesses(pose)
             if not found.is_finite:
                 return _not_finite(subject)

@@ -276,7 +276,8 @@ def _compute_after_run(
         output: name of the output port.
 
     Returns:
-        The values at the last sample before each of the times, shape (m, size).
+        The values at the last sample that is not later than each of the times, shape (m, size). For times before the
+        first sample of the run, they are the values at that sample.
     """
     if block not in recorded.memo:
         recorded.memo[block] = replay(recorded, block=block, inputs=inputs)

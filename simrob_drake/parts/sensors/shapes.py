@@ -47,7 +47,11 @@ class Distance(ShapeSensor):
     """A robot, a link, a piece, a shape of a piece, or `floor`."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that both things exist, and that the plant has shapes."""
+        """Check that both things exist, and that the plant has collision shapes.
+
+        A dynamic station has shapes only with the section ``contact``. A kinematic station has them as soon as a sensor
+        measures shapes, so it needs no check.
+        """
         check_body(station, f"{key}.body", self.body)
         check_body(station, f"{key}.other", self.other)
         if station.engine.moves_by_forces:
