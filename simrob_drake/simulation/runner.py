@@ -419,12 +419,12 @@ class Runner:
             repeated_until=result.stop_time,
         )
         callbacks = Callbacks(progress=progress, on_step=on_step)
-        resumed = self._continue(plan, callbacks, trace)
-        if resumed is None:
+        whole = self._continue(plan, callbacks, trace)
+        if whole is None:
             raise InvalidParameter("result", *other_station(config))
         # The result is that of the whole motion, and so is the time for stepping it.
-        elapsed = result.stepping_time + resumed.stepping_time
-        return replace(resumed, stepping_time=elapsed).check(strict)
+        elapsed = result.stepping_time + whole.stepping_time
+        return replace(whole, stepping_time=elapsed).check(strict)
 
     def _continue(
         self, plan: "RunPlan", callbacks: "Callbacks", trace: Trace
