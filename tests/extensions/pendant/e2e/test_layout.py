@@ -78,7 +78,9 @@ def test_all_that_teaches_is_in_sight_and_files_are_dropped_on_the_page(page, hu
     page.evaluate(DROP, ["photo.png", "none"])
     expect(page.locator(".q-notification")).to_contain_text("it must be one that ends in .yaml")
     page.evaluate(DROP, [urdf.name, urdf.read_text()])
-    expect(page.get_by_role("status")).to_contain_text("mesh 'base.obj' there is no such file")
+    expect(page.get_by_role("region", name="Messages")).to_contain_text(
+        "mesh 'base.obj' there is no such file"
+    )
     expect(page.get_by_role("tab", name="Arm")).to_be_visible()
     assert in_sight(page, "Teach", "Add line", "Play from the start", "Step") == []
 
