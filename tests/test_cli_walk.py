@@ -76,6 +76,20 @@ MISTAKES = {
         ["roid1_dynamic", "--set", "reference.kind=hold"],
         "the gait or act decides how the robot moves",
     ),
+    "a reference of the robot": (
+        ["roid1_dynamic", "--set", "robot.reference.kind=hold"],
+        "the gait or act decides how the robot moves",
+    ),
+    "a reference in a section": (
+        [
+            "three_humanoids",
+            "--robot",
+            "roid1",
+            "--set",
+            "robots={roid1: {reference: {kind: hold}}}",
+        ],
+        "the gait or act decides how the robot moves",
+    ),
     "an unknown robot": (["roid1_dynamic", "--robot", "roid"], "roid"),
     "one of several": (["three_humanoids"], "one of humanoid, roid1, zjudancer"),
     "an unknown station": (["roid1_dynamc"], "did you mean 'roid1_dynamic'?"),

@@ -51,7 +51,7 @@ VELOCITY = (VELOCITY_NAMES, ("m/s",) * 3 + ("rad/s",) * 3, QUANTITY_WORDS["veloc
 
 @dataclass(frozen=True)
 class Panel:
-    """One plot of a figure, with one or more curves.
+    """One plot in a figure of Matplotlib, with one or more curves.
 
     Attributes:
         figure: name of the file of the figure, without suffix, such as ``sensors`` or ``piece_ball``.
@@ -132,7 +132,7 @@ class Signal:
 def sensor_panel(
     title: str, quantity: str, names: Sequence[str], units: Sequence[str] = ()
 ) -> Panel:
-    """Make the panel of a sensor's columns. All sensors share the figure ``sensors``.
+    """Make the panel of a sensor's columns. The panels of all sensors are in the file ``sensors``.
 
     Args:
         title: title of the panel.

@@ -1,6 +1,6 @@
 """The commands about legged robots: walk, act."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -355,9 +355,8 @@ def _refuse_changes_of_motion(settings: list[str] | None) -> None:
     """
     for setting in settings or []:
         # The keys are read as for the station: a setting may be a YAML file, whose name says nothing about its keys.
-        for key in changes_of([setting], "--set"):
-            section, _, _ = key.partition(".")
-            if section not in ("duration", "reference"):
+        for key, value in changes_of([setting], "--set").items():
+            if not _sets_motion(key, value):
                 continue
             option: str = message("cli.set_option", "--set {setting}", setting=setting)
             # The setting is a file, so the user needs the key in it, too.
@@ -370,6 +369,23 @@ def _refuse_changes_of_motion(settings: list[str] | None) -> None:
                     "the gait or act decides how the robot moves, and for how long",
                 ),
             )
+
+
+def _sets_motion(key: str, value: object) -> bool:
+    """Whether a change of a station sets its duration, or the reference of the station or of a robot.
+
+    Args:
+        key: dotted key of the change.
+        value: the new value. The value of a section is a mapping.
+    """
+    path = key.split(".")
+    if isinstance(value, Mapping) and value:
+        return any(_sets_motion(f"{key}.{name}", part) for name, part in value.items())
+    # Where a robot's section begins: `robot`, or `robots.<name>`.
+    sections_of_robots = {"robot": 1, "robots": 2}
+    if path[0] in sections_of_robots:
+        return path[sections_of_robots[path[0]] :][:1] == ["reference"]
+    return path[0] in ("duration", "reference")
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"walk": walk, "act": act}
