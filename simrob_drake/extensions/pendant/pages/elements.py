@@ -127,6 +127,17 @@ class Slider(ui.slider):
     LOOPBACK = False
 
 
+_VALUE_LABEL = "data-text"
+"""Property of a slider with the id of the label whose text is its value, for :mod:`page.js`."""
+_UNIT = "data-unit"
+"""Property of a slider with the unit of its value, for :mod:`page.js`."""
+
+
+def name_value_text(slider: ui.slider, label: ui.label) -> None:
+    """Let screen readers read the text of a label as the value of a slider. Call it where the slider is built."""
+    slider.props[_VALUE_LABEL] = f"c{label.id}"
+
+
 class Dial:
     """A number, and a slider for it; both show the same, and only what can be is taken.
 
@@ -173,6 +184,7 @@ class Dial:
                     .classes("w-full px-2")
                 )
                 set_label(self._slider, name)
+                self._slider.props[_UNIT] = unit.strip() or None
                 self._tick = ui.element("div").classes("pendant-tick").props("aria-hidden=true")
                 with ui.row().classes("w-full justify-between text-xs opacity-70"):
                     self._ends = ui.label(), ui.label()
@@ -205,8 +217,6 @@ class Dial:
         """Show a value, without moving anything."""
         self._quiet = True
         shown = round(value, _DIGITS) + 0.0
-        # Screen readers read the unit with the number. The new value sends this text to the browser, too.
-        self._slider.props["aria-valuetext"] = f"{self._t.figure(shown)}{self._unit}"
         self.number.field.value = self._slider.value = shown
         self._quiet = False
 

@@ -1,5 +1,6 @@
 """Fields of a station on a page: each with its help below, and in its place what is wrong with what was typed."""
 
+import asyncio
 import re
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
@@ -10,6 +11,7 @@ from nicegui import ui
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.messages import number_in_language
 from simrob_drake.extensions.pendant.form import Field, as_value
+from simrob_drake.extensions.pendant.pages.elements import Slider, name_value_text
 from simrob_drake.extensions.pendant.pages.words import Words, value_text
 
 Give = Callable[[str, Any], Awaitable[str]]
@@ -251,9 +253,11 @@ def build_tuner(tuning: Tuning, t: Words) -> None:
     value, give = tuning.value, tuning.give
     with ui.element("div").classes("pendant-tuner w-full"):
         ui.label(tuning.name).classes("text-sm w-32 shrink-0").style("overflow-wrap: anywhere")
-        slider = ui.slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0)
+        slider = Slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0)
         slider.classes("grow").props(f'aria-label="{tuning.name}"')
         label = ui.label().classes("text-sm w-36 shrink-0")
+    # The slider itself has the exponent of its value: screen readers read the text of the label instead.
+    name_value_text(slider, label)
     wrong = ui.label().classes("text-xs text-negative")
 
     def now() -> float:
@@ -261,14 +265,18 @@ def build_tuner(tuning: Tuning, t: Words) -> None:
 
     def show() -> None:
         label.text = f"{number_in_language(f'{now():g}', t.language)} {tuning.unit}"
-        # The slider itself has the exponent, which would mean nothing to who hears it.
-        slider.props["aria-valuetext"] = label.text
-        slider.update()
 
-    async def turned() -> None:
-        wrong.text = await give(now())
+    last_press = 0
+
+    async def give_after_pause() -> None:
+        """Give the value, unless another press of a key follows soon: each change loads the station anew."""
+        nonlocal last_press
+        last_press += 1
+        this_press = last_press
+        await asyncio.sleep(_PAUSE_OF_PRESSES)
+        if this_press == last_press:
+            wrong.text = await give(now())
 
     slider.on_value_change(show)
-    # Several presses of an arrow key are one change: each change loads the station anew.
-    slider.on("change", turned, args=[], throttle=_PAUSE_OF_PRESSES, leading_events=False)
+    slider.on("change", give_after_pause, args=[])
     show()

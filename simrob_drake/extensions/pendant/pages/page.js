@@ -19,18 +19,25 @@
   };
   document.addEventListener("keydown", window.pressed);
   // The focus of a slider is on a part of it that has neither name nor value, so that screen readers would read nothing.
-  const READ = ["role", "aria-label", "aria-valuemin", "aria-valuemax", "aria-valuenow", "aria-valuetext"];
+  const READ = ["role", "aria-label", "aria-valuemin", "aria-valuemax", "aria-valuenow"];
   let readings = null;
   const read = (part) => {
     readings?.disconnect();
     const slider = part.closest(".q-slider");
     if (!slider || slider === part) return;
-    const copy = () => READ.forEach((name) => {
-      if (slider.hasAttribute(name)) part.setAttribute(name, slider.getAttribute(name));
-    });
+    const { text, unit } = slider.dataset; // a label with the value, or the unit of the value
+    const label = text ? document.getElementById(text) : null;
+    const copy = () => {
+      READ.forEach((name) => {
+        if (slider.hasAttribute(name)) part.setAttribute(name, slider.getAttribute(name));
+      });
+      const value = label?.textContent ?? (unit && `${slider.getAttribute("aria-valuenow")} ${unit}`);
+      if (value) part.setAttribute("aria-valuetext", value);
+    };
     copy();
     readings = new MutationObserver(copy);
     readings.observe(slider, { attributeFilter: READ });
+    if (label) readings.observe(label, { characterData: true, childList: true, subtree: true });
   };
   // A part of the page that is drawn anew takes the focus away. The element of the same name in the new part gets it.
   const path_of = (element) => {

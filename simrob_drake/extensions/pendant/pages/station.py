@@ -4,7 +4,7 @@ import asyncio
 import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from nicegui import background_tasks, ui
 
@@ -51,6 +51,26 @@ def build(session: Session, t: Words) -> None:
     _Page(session, t)
 
 
+class _BlockContent(NamedTuple):
+    """What is shown of a block. It is built anew if it differs from what is shown.
+
+    Attributes:
+        block: name of the block.
+        meaning: keys and signals of the block.
+        fields: fields of the form for its keys.
+        changes: changes of its keys during a run, in words.
+        wires: number and name of each of its wires.
+        columns: columns of its signals, by the name of the signal.
+    """
+
+    block: str
+    meaning: BlockMeaning
+    fields: tuple[Field, ...]
+    changes: tuple[str, ...]
+    wires: tuple[tuple[str, str], ...]
+    columns: dict[str, tuple[str, ...]]
+
+
 class _Page:
     def __init__(self, session: Session, t: Words) -> None:
         self._session, self._t = session, t
@@ -61,6 +81,7 @@ class _Page:
         self._sections: dict[str, Callable[[list[Field]], None]] = {}
         self._panels = own_tab_panels()
         self._asked = True
+        self._content_of_block: _BlockContent | None = None  # None if no block is shown
         self._plotted: list[str] = []  # signals of which the chosen block or line shows plots
         self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):
@@ -229,6 +250,7 @@ class _Page:
         """Show what goes along a wire."""
         source, targets = self._picture.wires[number]
         wire = wire_meaning(source, targets, self._content, list(self._columns))
+        self._content_of_block = None
         self._block.clear()
         with self._block:
             ui.label(self._wire_name(number)).classes("font-bold")
@@ -243,12 +265,16 @@ class _Page:
         ]
         return f"{names[0]} → {', '.join(names[1:])}"
 
-    def _build_wires(self, block: str) -> None:
-        """Build a button for each wire of a block: the wires in the picture cannot be reached by keys."""
+    def _build_wires(self, wires: Sequence[tuple[str, str]]) -> None:
+        """Build a button for each wire of a block: the wires in the picture cannot be reached by keys.
+
+        Args:
+            wires: number and name of each wire.
+        """
         with ui.expansion(self._t("station.wires_of_block")).classes("w-full").props("dense"):
-            for number in self._picture.wires_of(block):
+            for number, name in wires:
                 show = partial(self._picture.choose_wire, number)
-                ui.button(self._wire_name(number), on_click=show).props("flat dense no-caps")
+                ui.button(name, on_click=show).props("flat dense no-caps")
 
     def _scopes(self, meaning: BlockMeaning) -> None:
         """Show the plots of a block or a line."""
@@ -375,31 +401,57 @@ class _Page:
             self._show_stops()
 
     def _show_block(self, block: str) -> None:
-        """Show the parameters and the signals of a block."""
+        """Show the parameters and the signals of a block. An empty name shows that no block is chosen."""
+        if not block:
+            self._content_of_block = None
+            self._plotted = []
+            self._block.clear()
+            with self._block:
+                ui.label(self._t("station.choose_block")).classes("opacity-70")
+            return
+        content = self._find_content(block)
+        # The picture is drawn anew some time after a value was changed. A slider that is built anew then would lose the
+        # keys that are pressed in between.
+        if content == self._content_of_block:
+            self._block_title.text = self._picture.labels.get(block, block)
+            return
+        self._content_of_block = content
+        self._build_block(content)
+
+    def _find_content(self, block: str) -> "_BlockContent":
+        """Find what is shown of a block."""
+        meaning = self._meaning(block)
+        grid = self._session.book.program.grid or GRID
+        return _BlockContent(
+            block=block,
+            meaning=meaning,
+            fields=tuple(field for field in self._fields if meaning.holds(field.key)),
+            changes=tuple(
+                Phrases(self._t, ()).change(change, grid)
+                for change in self._session.book.changes
+                if any(map(meaning.holds, change.set or ()))
+            ),
+            wires=tuple(
+                (number, self._wire_name(number)) for number in self._picture.wires_of(block)
+            ),
+            columns={name: tuple(self._columns[name]) for name in meaning.signals},
+        )
+
+    def _build_block(self, content: "_BlockContent") -> None:
+        """Build the parameters and the signals of a block in place of what was shown before."""
         self._plotted = []
         self._block.clear()
         with self._block:
-            if not block:
-                ui.label(self._t("station.choose_block")).classes("opacity-70")
-                return
-            meaning = self._meaning(block)
-            ui.label(self._picture.labels.get(block, block)).classes(
-                "font-bold whitespace-pre-line"
-            )
-            fields = [field for field in self._fields if meaning.holds(field.key)]
-            grid = self._session.book.program.grid or GRID
-            for change in self._session.book.changes:
-                if any(map(meaning.holds, change.set or ())):
-                    ui.label(Phrases(self._t, ()).change(change, grid)).classes(
-                        "text-sm block-change"
-                    )
-            self._scopes(meaning)
-            self._tuners(meaning, fields)
-            with ui.expansion(self._t("station.parameters"), value=len(fields) <= _FEW).classes(
-                "w-full"
-            ):
-                FormView(self._t, self._give).show(fields)
-            self._build_wires(block)
+            title = self._picture.labels.get(content.block, content.block)
+            self._block_title = ui.label(title).classes("font-bold whitespace-pre-line")
+            for change in content.changes:
+                ui.label(change).classes("text-sm block-change")
+            self._scopes(content.meaning)
+            self._tuners(content.meaning, content.fields)
+            is_open = len(content.fields) <= _FEW
+            with ui.expansion(self._t("station.parameters"), value=is_open).classes("w-full"):
+                FormView(self._t, self._give).show(content.fields)
+            self._build_wires(content.wires)
 
     def _tuners(self, meaning: BlockMeaning, fields: Sequence[Field]) -> None:
         """Build the sliders of a block: those of a joint change this joint alone, and say so."""

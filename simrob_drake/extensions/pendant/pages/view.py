@@ -14,6 +14,7 @@ from simrob_drake.extensions.pendant.pages.elements import (
     allow,
     follow,
     icon_button,
+    name_value_text,
     set_keys,
     set_label,
 )
@@ -227,6 +228,7 @@ def build_bar(session: Session, t: Words) -> None:
         with ui.element("div").classes("pendant-clock"):
             clock = ui.label().classes("pendant-time")
             ratio = ui.label().classes("pendant-ratio")
+        name_value_text(scrubber, clock)
         _pace(session, t)
 
     def phase() -> None:
@@ -257,7 +259,6 @@ def build_bar(session: Session, t: Words) -> None:
         running = session.phase == "running"
         times = {"time": t.decimals(session.run.time, 2), "reach": t.decimals(last, 2)}
         clock.text = t("run.time", **times)
-        scrubber.props["aria-valuetext"] = clock.text
         ratio.text = t("run.ratio", ratio=t.decimals(session.run.ratio, 1)) if running else ""
 
     follow(session, phase, "phase", "program", "description")
