@@ -125,7 +125,7 @@ def test_only_an_import_is_replaced_and_only_by_force(imported, published_irb120
     import_robot(published_irb120, tmp_path / "out", force=True)
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis.tex").write_text("years of work")
-    with pytest.raises(OutputError, match="something else"):
+    with pytest.raises(OutputError, match="files that are not a result"):
         import_robot(published_irb120, tmp_path / "mine", force=True)
     assert (tmp_path / "mine" / "thesis.tex").exists()
 

@@ -336,5 +336,5 @@ def test_an_argument_that_is_used_before_its_declaration_has_its_value(tmp_path)
     robot = read_source(path, report := ImportReport(path))
     assert [link.get("name") for link in robot] == ["base", "short"]
     assert [entry.text for entry in report.of("defaulted")] == [
-        "kind:=short; the file declares this default after the first use"
+        "kind:=short; the file declares this default after the first use of the argument"
     ]

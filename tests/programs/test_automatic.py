@@ -191,7 +191,7 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
     assert run_command(["run", str(file), "--duration", "3"]) == 2
     file.write_text(json.dumps({**content, "station": None}))
     assert run_command(["run", str(file)]) == 2
-    assert "station: missing" in capsys.readouterr().err
+    assert "station: this key is required" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -174,5 +174,5 @@ def test_loops_that_cannot_close_are_refused(tmp_path: Path) -> None:
     short = FOUR_BAR.replace(f'<origin xyz="{ROCKER} 0 0"/>', '<origin xyz="0.01 0 0"/>').replace(
         f'<origin xyz="{COUPLER} 0 0"/>', '<origin xyz="0.02 0 0"/>'
     )
-    with pytest.raises(SimrobError, match=r"each loop is open by .* m or rad at best"):
+    with pytest.raises(SimrobError, match=r"each kinematic loop is open by .* m or rad at best"):
         drafted(written(tmp_path, "short.urdf", short))

@@ -120,7 +120,7 @@ def test_the_draft_of_a_quadruped_was_tried_and_has_a_fall_monitor(quadruped, tm
     text = draft_station(quadruped(), folder=tmp_path)
     (file := tmp_path / "first.yaml").write_text(text)
     config = load_station(file)
-    assert "# It stands with its legs bent to 90% of their length, on shank" in text
+    assert "# The robot stands with its legs bent to 90% of their length, on shank" in text
     assert "# In a trial run, after 2 s the robot leans by 0.0 deg" in text
     fall = config.monitors["fall"]
     assert fall.height == pytest.approx(0.6 * config.robots["robot"].base[2], abs=1e-3)

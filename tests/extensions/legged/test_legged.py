@@ -224,7 +224,7 @@ LESS = {
         lambda: dog(ball=False),
         "c0, c1, c2, c3 at the ends of its chains have no collision shape",
     ),
-    "joints too weak": (lambda: dog(effort=0.5), "takes .* and has 0.5 N·m"),
+    "joints too weak": (lambda: dog(effort=0.5), "requires .*, but its limit is 0.5 N·m"),
 }
 
 
@@ -268,7 +268,7 @@ def test_masses_that_are_made_up_are_told_link_by_link(tmp_path):
     assert said["link 'a0'"].startswith(
         "has neither inertia nor shape; estimated as a small ball: 0.1 kg"
     )
-    assert "of its shapes" in said["link 'trunk'"]
+    assert "from its shapes" in said["link 'trunk'"]
     assert "no collision shape" in made.problem
     assert "to be tuned first" not in (tmp_path / "made" / "legged.md").read_text()
 

@@ -45,7 +45,8 @@ def build(session: Session, t: Words) -> None:
     def show() -> None:
         nonlocal watched
         if watched != (watched := signal_of(session, _POSE)):
-            plots.watch(session, [watched], pad)
+            # Until a station is loaded, and for a robot without a free base, there is no such signal.
+            plots.watch(session, [watched] if watched else [], pad)
         limits, mine = driving.limits, driving.driver == client.id
         button.set_visibility(limits is not None and not mine)
         allow(button, "" if driving.driver is None else t("notice.driven"))
