@@ -71,6 +71,7 @@ def module_of(file: Path) -> str:
 def test_imports_point_to_the_left():
     names = {module_of(file): file for file in MODULES}
     pairs = [(name, other) for name, file in names.items() for other in imported(file)]
+
     own = [(name, other) for name, other in pairs if other.startswith("simrob_drake.")]
     assert [f"{name} imports {other}" for name, other in own if place(other) > place(name)] == []
     assert len(own) > 1000
@@ -228,6 +229,7 @@ def test_the_package_loads_nothing_heavy():
     shown = subprocess.run(
         [sys.executable, "-c", script], check=True, capture_output=True, text=True
     ).stdout
+
     assert shown.strip() == "[]"
     assert {"Arm", "Workcell"} <= set(dir(simrob_drake))
     assert simrob_drake.Arm.__module__ == "simrob_drake.programs.arm"

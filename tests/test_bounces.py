@@ -28,6 +28,7 @@ def trace():
 @pytest.mark.long
 def test_both_figures_are_found_within_2_percent(trace):
     found = identify_bounces(trace, mass=MASS)
+
     assert found.stiffness == pytest.approx(4000, rel=0.02)
     assert found.dissipation == pytest.approx(0.08, rel=0.02)
     for value, (low, high) in (
@@ -68,7 +69,9 @@ def csv_text(times, heights, header="time,height"):
 def test_a_file_gives_the_trace(trace, tmp_path):
     file = tmp_path / "trace.csv"
     file.write_text(csv_text(trace.times, trace.heights))
+
     again = read_bounces(str(file))
+
     np.testing.assert_array_equal(again.times, trace.times)
     np.testing.assert_array_equal(again.heights, trace.heights)
     assert again.bounces == trace.bounces >= 3
@@ -125,7 +128,9 @@ def test_a_ball_that_is_let_go_at_rest_is_identified_without_any_noise():
     """The speed at the start is zero to rounding, and the Jacobian must not be."""
     times = np.arange(0.0, 1.2, 0.004)
     law = BounceLaw(mass=0.9, stiffness=4000.0, dissipation=0.08)
+
     found = identify_bounces(BounceTrace(times, law.heights(times, 0.1, 0.0)), mass=0.9)
+
     assert found.stiffness == pytest.approx(4000, rel=1e-4)
     assert found.dissipation == pytest.approx(0.08, rel=1e-3)
     assert found.stiffness_interval[0] <= found.stiffness <= found.stiffness_interval[1]

@@ -32,6 +32,7 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
 @pytest.mark.plots
 def test_a_run_leaves_a_whole_result(tmp_path, capsys):
     assert run_command(["run", "irb120_dynamic", "--duration", "0.3", "--out", "result"]) == 0
+
     files = {
         str(file.relative_to(tmp_path / "result"))
         for file in (tmp_path / "result").rglob("*")
@@ -56,9 +57,11 @@ def test_options_of_output_do_not_change_the_signals(tmp_path):
     run_command([*command, "--out", "plain", "--no-recording"])
     run_command([*command, "--out", "live", "--no-recording", "--live"])
     run_command([*command, "--out", "recorded"])
+
     plain, live, recorded = (
         (tmp_path / name / "signals.csv").read_bytes() for name in ("plain", "live", "recorded")
     )
+
     assert plain == live == recorded
 
 
@@ -70,6 +73,7 @@ def test_a_monitors_stop_is_a_success(tmp_path):
 
 def test_a_divergence_exits_with_3_and_keeps_what_there_is(tmp_path, capsys):
     settings = ["servo.torque_limit=1e12", "solver.scheme=explicit_euler", "solver.max_step=0.01"]
+
     arguments = [part for setting in settings for part in ("--set", setting)]
     assert (
         run_command(["run", "irb120_dynamic", "--out", "r", "--no-recording", *arguments])
@@ -86,12 +90,14 @@ def test_converge_prints_the_difference(capsys):
         run_command(["run", "irb120_dynamic", "--duration", "0.2", "--no-recording", "--converge"])
         == 0
     )
+
     lines = capsys.readouterr().out.splitlines()
     row = next(
         line
         for line in lines[lines.index(next(li for li in lines if "ten times" in li)) :]
         if "joint_2" in line
     )
+
     assert 0 < float(row.split()[1]) < 3e-3
     _, difference, of, _, degrees, *rest = row.split()
     assert (of, rest[0], rest[-1]) == ("rad", "deg", "N·m")
@@ -109,7 +115,9 @@ def test_converge_compares_the_base_of_a_legged_robot(capsys):
         "--set",
         "robot.base=[0,0,0.46,0,0,0]",
     ]
+
     assert run_command([*command, "--converge"]) == 0
+
     rows = {
         " ".join(line.split()[:3]): line.split()[3:5]
         for line in capsys.readouterr().out.splitlines()
@@ -125,6 +133,7 @@ def test_attitudes_differ_by_the_angle_between_them():
         [[0, 0, 0, 1, 0, 0, 0], [0, 0, 0, -1, 0, 0, 0], [1, 2, 2, np.cos(0.1), 0, np.sin(0.1), 0.0]]
     )
     (_, ways, _), (_, angles, _) = _pose_differences(turned, np.array([[0, 0, 0, 1.0, 0, 0, 0]]))
+
     np.testing.assert_allclose(ways, [0, 0, 3000])
     np.testing.assert_allclose(angles, [0, 0, np.rad2deg(0.2)], atol=1e-9)
 
@@ -141,6 +150,7 @@ def test_brackets_are_the_users_and_no_markup(tmp_path, capsys, name):
     station = name.replace("/", "")  # which no station's name has, but folders have
     text = f"name: '{station}'\nrobot: {{model: double_pendulum, initial_deg: 40}}\nreference: {{kind: hold}}\n"
     (tmp_path / "mine.yaml").write_text(text)
+
     # warnings, before the run
     settings = [
         "--set",
@@ -148,6 +158,7 @@ def test_brackets_are_the_users_and_no_markup(tmp_path, capsys, name):
         "--set",
         "servo.kp=1",
     ]
+
     command = [
         "run",
         "mine.yaml",
@@ -182,6 +193,7 @@ def test_list_names_everything(capsys):
 
 def test_check_foretells_the_overload(capsys):
     assert run_command(["check", "irb120_dynamic", "--set", "servo.torque_limit=10"]) == 0
+
     out = " ".join(capsys.readouterr().out.split())
     assert "warning torque of joint_2" in out
     assert "-20.79" in out
@@ -190,11 +202,13 @@ def test_check_foretells_the_overload(capsys):
 def test_check_folds_the_axes_that_are_far_from_their_torque_limits(capsys):
     """The 18 axes of the humanoid have a limit of 3 N·m; a knee needs the most, 0.61 N·m or 20 %."""
     assert run_command(["check", "humanoid_balance"]) == 0
+
     folded = " ".join(capsys.readouterr().out.split())
     assert folded.count("torque of") == 1
     assert "torque of right_knee standing requires -0.61 N·m" in folded
     assert "17 more axes each needs at most 20% of its torque limit; --all lists each" in folded
     assert run_command(["check", "humanoid_balance", "--all"]) == 0
+
     shown = " ".join(capsys.readouterr().out.split())
     assert shown.count("torque of") == len(load_robot("humanoid").axes)
     assert "more axes" not in shown
@@ -224,15 +238,19 @@ def test_an_axis_near_its_limit_or_with_a_warning_is_not_folded():
 def test_check_tells_what_an_arm_can_carry(capsys):
     """The Puma's elbow is the first at its limit, stretched out level: see tests/test_dynamics.py for the figures."""
     arm = Dynamics.of_robot("puma560")
+
     assert run_command(["check", "puma560"]) == 0
+
     out = " ".join(capsys.readouterr().out.split())
     assert f"{arm.payload(load_robot('puma560').home).min():.3g} kg" in out
     assert (
         f"{arm.payload(arm.weakest_posture()).min():.3g} kg, limited by the motor of joint_2" in out
     )
     assert run_command(["check", "irb120_dynamic"]) == 0
+
     course = np.linspace(0, 1, 51)[:, np.newaxis] * np.full(6, np.deg2rad(30))
     held = Workcell("irb120_dynamic").arm().dynamics.payload(course).min()
+
     assert f"{held:.3g} kg more at load" in " ".join(capsys.readouterr().out.split())
     assert run_command(["check", "puma560", "--set", "duration=1"]) == ExitCode.BAD_INPUT
 
@@ -253,6 +271,7 @@ def test_diagram_writes_what_the_suffix_says(tmp_path, capsys):
 
 def test_a_picture_is_replaced_by_force_only(tmp_path, capsys):
     (tmp_path / "mine.dot").write_text("dear to me")
+
     assert run_command(["diagram", "double_pendulum", "--out", "mine.dot"]) == ExitCode.BAD_INPUT
     assert "replace it with --force" in capsys.readouterr().err
     assert (tmp_path / "mine.dot").read_text() == "dear to me"
@@ -271,9 +290,12 @@ def test_help_keeps_its_units(capsys, command, unit):
 @pytest.mark.parametrize("asked", ["-h", "--help"])
 def test_help_has_its_commands_under_titles_and_flags_without_a_type(capsys, asked):
     assert run_command([asked]) == 0
+
     shown = capsys.readouterr().out
     shown_titles = re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE)
+
     own_titles = ["Options", "Stations", "Robots", "Exchange and other engines", "Extensions"]
+
     assert [title for title in shown_titles if title in own_titles] == own_titles
     assert shown_titles[-1] == own_titles[-1]
     assert run_command(["run", asked]) == 0
@@ -288,9 +310,11 @@ def test_a_shell_completes_commands_and_stations(typed, completed):
     words = {"COMP_WORDS": f"simrob {typed}", "COMP_CWORD": str(len(typed.split()))}
     environment = {**os.environ, "_SIMROB_COMPLETE": "complete_bash", **words}
     start = "import sys; sys.argv = ['simrob']; from simrob_drake.cli.__main__ import main; main()"
+
     done = subprocess.run(
         [sys.executable, "-c", start], env=environment, capture_output=True, text=True, check=False
     )
+
     assert done.stdout.split() == [completed]
 
 
@@ -311,7 +335,9 @@ def test_check_says_that_a_robot_starts_below_the_floor(capsys):
 def test_settings_may_stand_in_files(tmp_path):
     (tmp_path / "stiff.yaml").write_text("servo: {kp: 1234}\nduration: 2\n")
     (tmp_path / "damped.yaml").write_text("servo: {kd: 56}\n")
+
     config = station_from("irb120_dynamic", ["stiff.yaml", "damped.yaml", "servo.torque_limit=78"])
+
     assert (config.servo.kp, config.servo.kd, config.servo.torque_limit, config.duration) == (
         1234,
         56,
@@ -446,6 +472,7 @@ TABLES = {
 def test_a_bad_table_is_named_with_its_line(tmp_path, capsys, text, message):
     (tmp_path / "move.csv").write_text(text)
     settings = ["--set", "reference.kind=table", "--set", "reference.file=move.csv"]
+
     assert run_command(["run", "double_pendulum", *settings]) == ExitCode.BAD_INPUT
     assert message in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["move.csv"]
@@ -456,6 +483,7 @@ def test_a_table_is_followed(tmp_path):
         "time,joint_2,joint_1\n0,0.5236,0.6981\n1,0.6,0.7\n2,0.7,0.8\n3,0.8,0.9\n"
     )
     settings = ["--set", "reference.kind=table", "--set", "reference.file=move.csv"]
+
     assert (
         run_command(
             ["run", "double_pendulum", *settings, "--out", "r", "--no-recording", "--duration", "1"]
@@ -498,9 +526,11 @@ main()
 def test_one_thread_works_unless_the_environment_says_otherwise(told, threads):
     command = [sys.executable, "-c", THREADS]
     plain = {name: value for name, value in os.environ.items() if not name.endswith("_NUM_THREADS")}
+
     done = subprocess.run(
         command, env={**plain, **told}, capture_output=True, text=True, check=True
     )
+
     assert done.stdout.splitlines()[-1] == f"threads {min(threads, len(os.sched_getaffinity(0)))}"
 
 
@@ -517,6 +547,7 @@ def test_plots_are_written_as_what_is_asked_for(tmp_path, capsys):
         "r",
         "--plots",
     ]
+
     assert run_command([*command, "svg"]) == 0
     assert {file.name for file in (tmp_path / "r" / "plots").iterdir()} == {
         "position.svg",
@@ -582,7 +613,9 @@ def test_a_missing_package_is_named(capsys, module, told):
 def test_an_encoding_that_lacks_letters_ends_nothing(tmp_path):
     command = [sys.executable, "-m", "simrob_drake.cli", "check", "double_pendulum"]
     environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+
     assert r"N\xb7m" in done.stdout
 
 
@@ -635,7 +668,9 @@ def test_check_says_nothing_ok_that_is_none(station, setting, said, capsys):
 def test_the_main_job_is_one_command(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "runs/demo").mkdir(parents=True)
+
     (tmp_path / "runs/demo/summary.json").write_text("{}")  # of a result before, which is replaced
+
     assert run_command(["demo"]) == 0
     assert (tmp_path / "runs/demo/recording.html").as_uri() in "".join(
         capsys.readouterr().out.split("\n")

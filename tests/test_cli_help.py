@@ -61,6 +61,7 @@ def helps_in(language: str) -> dict[str, str]:
 
 def test_each_help_is_translated():
     english, spanish = helps_in("en"), helps_in("es")
+
     assert len(english) > 300
     assert english.keys() == spanish.keys()
     assert [name for name in english if not english[name]] == []
@@ -72,6 +73,7 @@ def test_each_help_is_translated():
 )
 def test_a_help_in_spanish_has_no_english_words(command, capsys, monkeypatch):
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+
     assert run_command([*command, "--help"]) == ExitCode.DONE
     out = capsys.readouterr().out
     assert "Uso: simrob" in out
@@ -109,7 +111,9 @@ def test_the_option_counts_before_it_is_parsed(arguments, language):
 
 def test_a_help_is_in_the_language_of_the_option(capsys):
     run_command(["run", "--help", "--language", "es"])
+
     assert "Simula una estación" in capsys.readouterr().out
+
     run_command(["run", "--help"])
     assert "Run a station" in capsys.readouterr().out
 
@@ -126,7 +130,9 @@ def test_each_example_has_a_line_of_its_own(command, capsys):
     """A block by indentation is lost if one paragraph stands before the examples; a long line would be broken."""
     run_command([*command, "--help"])
     lines = [line.strip() for line in capsys.readouterr().out.splitlines()]
+
     text = whole_command(command[0])
+
     whole = text.commands[command[1]] if len(command) > 1 else text
     examples = [line for line in whole.help.splitlines() if line.startswith("simrob ")]
     assert [line for line in lines if line in examples] == examples
@@ -134,6 +140,7 @@ def test_each_example_has_a_line_of_its_own(command, capsys):
 
 def test_extension_points_are_named_in_spanish(capsys, monkeypatch):
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+
     assert run_command(["extensions"]) == ExitCode.DONE
     out = capsys.readouterr().out
     for words in (

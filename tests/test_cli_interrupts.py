@@ -73,6 +73,7 @@ def test_a_caller_that_ignores_interrupts_is_heard():
     done = interrupted_while_loading(
         "pydrake.systems.framework", "diagram", "irb120_kinematic", first=ignored
     )
+
     assert done.returncode == 0
     assert "digraph" in done.stdout
 
@@ -87,7 +88,9 @@ def test_a_library_that_loads_on_after_any_exception_does_not_keep_it(tmp_path, 
     (tmp_path / "tip.stl").write_bytes(
         trimesh.creation.box((0.1, 0.1, 0.1)).export(file_type="stl")
     )
+
     done = interrupted_while_loading("PIL", "check", str(tmp_path / "arm.urdf"))
+
     assert (done.returncode, done.stdout) == (ExitCode.INTERRUPTED, "")
     assert done.stderr.endswith("simrob: interrupted\n")
 
@@ -123,6 +126,7 @@ def test_while_a_run_is_stepped_its_part_is_saved(tmp_path):
         time.sleep(1)
         command.send_signal(signal.SIGINT)
         out, err = command.communicate(timeout=60)
+
     assert command.returncode == ExitCode.INTERRUPTED
     assert "double_pendulum: interrupted at" in out
     assert "Traceback" not in err
@@ -137,6 +141,7 @@ def test_while_files_are_written_they_are_finished(tmp_path):
         wait_for_writing(tmp_path, command)
         command.send_signal(signal.SIGINT)
         out, err = command.communicate(timeout=60)
+
     assert command.returncode == ExitCode.INTERRUPTED
     assert (
         err
@@ -155,6 +160,7 @@ def test_who_insists_gets_away_and_leaves_nothing(tmp_path):
         first = command.stderr.readline()
         command.send_signal(signal.SIGINT)
         out, err = command.communicate(timeout=60)
+
     assert command.returncode == ExitCode.INTERRUPTED
     assert "interrupt again" in first
     assert (out, err) == (

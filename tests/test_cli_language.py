@@ -44,7 +44,9 @@ def test_a_run_is_reported_in_spanish(capsys):
 
 def test_the_language_of_one_command_is_not_that_of_the_next(capsys):
     run_command(["list", "--language", "es"])
+
     assert capsys.readouterr().out.startswith("estación")
+
     run_command(["list"])
     assert capsys.readouterr().out.startswith("station")
 
@@ -75,10 +77,14 @@ def test_errors_are_in_the_language(capsys, setting, text):
 def test_a_command_without_the_option_follows_the_environment_alone(capsys, monkeypatch):
     wrong = ["check", "irb120_dynamic", "--set", "servo.Kp=3"]
     run_command(["list", "--language", "es"])
+
     run_command(wrong)
+
     assert "did you mean 'kp'" in capsys.readouterr().err
+
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
     run_command(wrong)
+
     assert "¿quería decir 'kp'?" in capsys.readouterr().err
 
 
@@ -93,6 +99,7 @@ def test_all_that_comes_with_the_package_is_described_in_spanish():
         / "simrob_drake/base/languages/es/descriptions.yaml"
     )
     kinds = {"station": station_files(), "robot": robot_files(), "piece": piece_files()}
+
     needed = {f"descriptions.{kind}_{name}" for kind, files in kinds.items() for name in files}
     assert known.keys() == needed
 
@@ -132,7 +139,9 @@ ENGLISH = re.compile(
 
 def test_positions_of_pieces_have_a_decimal_comma(capsys, monkeypatch):
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+
     assert run_command(["check", "belt_pick"]) == ExitCode.DONE
+
     shown = " ".join(capsys.readouterr().out.split())
     assert "con su origen en -0,05 0,48 0,0626 m" in shown
 
@@ -141,7 +150,9 @@ def test_positions_of_pieces_have_a_decimal_comma(capsys, monkeypatch):
 def test_an_output_has_no_english_words(command, capsys, monkeypatch, tmp_path):
     shutil.copy(station_files()["double_pendulum"], tmp_path)
     monkeypatch.setenv(LANGUAGE_VARIABLE, "es")
+
     run_command(command)
+
     shown = capsys.readouterr()
     text = shown.out + shown.err
     assert text

@@ -53,8 +53,10 @@ def signals(folder):
 @pytest.mark.plots
 def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
     assert run_command(["run", write(), "--out", "r"]) == ExitCode.DONE
+
     out = " ".join(capsys.readouterr().out.split())
     assert "two_arms: ran to its end at" in out
+
     held = {
         "summary.json",
         "signals.csv",
@@ -65,6 +67,7 @@ def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
         "plots",
     }
     assert held | {"film_strip.png"} == {file.name for file in (tmp_path / "r").iterdir()}
+
     cell = Workcell("two_arms")
     left = cell.arm("left")
     expected = [left.move_j([0, 0, 0.05, 0, 0, np.pi], wobj="bar", duration=0.9)]
@@ -72,6 +75,7 @@ def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
     left.attach("bar")
     expected.append(left.move_l([0, 0, 0.05], wobj="bar", speed=0.5))
     names, values = signals(tmp_path / "r")
+
     rows = [run.axes("q", "left")[: None if run is expected[-1] else -1] for run in expected]
     np.testing.assert_array_equal(
         values[:, [names.index(f"left.q.joint_{n}") for n in range(1, 7)]], np.vstack(rows)
@@ -96,6 +100,7 @@ def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
         assert (tmp_path / "again" / file).read_bytes() == (tmp_path / "r" / file).read_bytes(), (
             file
         )
+
     one, other = (Image.open(tmp_path / folder / "film_strip.png") for folder in ("r", "again"))
     assert one.size != other.size  # four events against two frames
 
@@ -104,8 +109,10 @@ def test_a_program_of_arms_is_one_result_that_runs_again(tmp_path, capsys):
 def test_the_folder_of_a_program_of_legs_holds_all_of_it(tmp_path, capsys):
     with open("w.yaml", "w") as file:
         yaml.safe_dump(WAVES, file)
+
     assert run_command(["run", "w.yaml", "--out", "r", "--no-recording"]) == ExitCode.DONE
     assert "fixed: ran to its end at" in capsys.readouterr().out
+
     names, values = signals(tmp_path / "r")
     assert "q.right_shoulder_pitch" in names
     assert values[0, 0] == 0
@@ -122,6 +129,7 @@ def test_the_folder_of_a_program_of_legs_holds_all_of_it(tmp_path, capsys):
 def test_check_says_what_a_program_takes(capsys):
     assert run_command(["check", write()]) == ExitCode.DONE
     assert "4 entries can be done, in 1." in " ".join(capsys.readouterr().out.split())
+
     with open("w.yaml", "w") as file:
         yaml.safe_dump(WAVES, file)
     assert run_command(["check", "w.yaml"]) == ExitCode.DONE
@@ -161,6 +169,7 @@ def test_what_cannot_be_done_is_one_line_and_leaves_nothing(
     tmp_path, capfd, command, program, message
 ):
     write(**program)
+
     assert run_command([*command, "p.yaml"]) == ExitCode.BAD_INPUT
     captured = capfd.readouterr()
     assert captured.out == ""

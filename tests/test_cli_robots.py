@@ -70,7 +70,9 @@ def test_modules_that_lie_around_are_never_run(raw, tmp_path, monkeypatch):
     trap = "from pathlib import Path\nPath(__file__).with_suffix('.sprung').touch()\n"
     for name in ("yaml", "numpy", "pydantic"):
         (raw.parent / f"{name}.py").write_text(trap)
+
     monkeypatch.chdir(raw.parent)
+
     assert run_command(["check", "arm.urdf"]) == 0
     assert list(raw.parent.glob("*.sprung")) == []
 
@@ -84,6 +86,7 @@ def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
         if "the motors need" in line
     ]
     assert [line.removeprefix("# ") in " ".join(said) for line in remarks] == [True]
+
     proposed = said[-1].strip().removeprefix("simrob ")
     # The robot is in another folder than the station, which the command remembers.
     assert proposed == "run arm.yaml"
@@ -101,21 +104,27 @@ def test_the_drafted_station_runs_at_once(raw, tmp_path, capsys):
 
 def test_only_the_station_at_this_path_may_read_the_robot(raw, tmp_path, capsys):
     assert run_command(["station", str(raw)]) == 0
+
     text = (tmp_path / "work" / "arm.yaml").read_text()
     (tmp_path / "work" / "other.yaml").write_text(text)
+
     assert run_command(["check", "other.yaml"]) == ExitCode.BAD_INPUT
     assert f"allow it with --mesh-path {raw.parent}" in capsys.readouterr().err
+
     # What is remembered is the package of the robot, and nothing else.
     private = tmp_path / "private"
     private.mkdir()
     (private / "arm.urdf").write_text(raw.read_text())
+
     (tmp_path / "work" / "arm.yaml").write_text(text.replace(str(raw), str(private / "arm.urdf")))
+
     assert run_command(["check", "arm.yaml"]) == ExitCode.BAD_INPUT
     assert f"allow it with --mesh-path {private}" in capsys.readouterr().err
 
 
 def test_a_damaged_memory_of_grants_allows_nothing(raw, tmp_path, capsys):
     assert run_command(["station", str(raw)]) == 0
+
     (memory,) = tmp_path.rglob("station_grants.json")
     for content in ("[]", "{", '{"a": 1}', "\x00"):
         memory.write_text(content)
@@ -128,14 +137,17 @@ def test_a_damaged_memory_of_grants_allows_nothing(raw, tmp_path, capsys):
 def test_without_a_memory_the_command_names_the_flag(raw, tmp_path, monkeypatch, capsys):
     (tmp_path / "full").write_text("a file where the folder of the cache would be")
     monkeypatch.setattr("simrob_drake.base.packages.cache_root", lambda: tmp_path / "full")
+
     assert run_command(["station", str(raw)]) == 0
     assert f"simrob run arm.yaml --mesh-path {raw.parent}" in capsys.readouterr().out
 
 
 def test_the_oldest_grants_are_forgotten(tmp_path, monkeypatch):
     monkeypatch.setattr("simrob_drake.base.packages._MOST_REMEMBERED", 2)
+
     for name in ("a", "b", "a", "c"):
         assert remember_grants(tmp_path / f"{name}.yaml", [tmp_path / name])
+
     found = {name: remembered_grants(tmp_path / f"{name}.yaml") for name in "abc"}
     assert found == {"a": [tmp_path / "a"], "b": [], "c": [tmp_path / "c"]}
 
@@ -143,6 +155,7 @@ def test_the_oldest_grants_are_forgotten(tmp_path, monkeypatch):
 @pytest.mark.long
 def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
     setting = f"robot.urdf={published_irb120}"
+
     arguments = [
         "run",
         "irb120_dynamic",
@@ -163,7 +176,9 @@ def test_a_station_of_the_package_takes_a_raw_robot(published_irb120, tmp_path):
 def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tmp_path, capsys):
     file = tmp_path / "arm and hand.urdf"
     file.write_text(re.sub("<inertial>.*</inertial>", "", RAW))
+
     (tmp_path / "meshes").mkdir()
+
     own = [
         "--mesh-path",
         str(tmp_path / "meshes"),
@@ -175,6 +190,7 @@ def test_a_robot_without_inertias_is_drafted_with_the_way_to_motion_by_torque(tm
     assert run_command(["station", str(file), "--out", "a.yaml", *own]) == 0
     text = (tmp_path / "work" / "a.yaml").read_text()
     assert "mode: kinematic" in text
+
     proposed = next(
         line for line in text.splitlines() if "For a dynamic station, run: " in line
     ).partition("run: simrob ")[2]
@@ -235,6 +251,7 @@ def test_view_shows_the_robot_until_it_is_interrupted(raw):
 def test_a_file_is_a_robot_whatever_the_case_of_its_ending(raw, capsys):
     shouted = raw.with_suffix(".URDF")
     shouted.write_bytes(raw.read_bytes())
+
     assert run_command(["check", str(shouted)]) == ExitCode.DONE
     assert "moving links without inertia" in capsys.readouterr().out
 
@@ -269,6 +286,7 @@ dh:
 
 def test_check_takes_a_table_by_its_path(capsys):
     (path := pathlib.Path("two_links.yaml")).write_text(TABLE)
+
     assert run_command(["check", str(path)]) == 0
     out = capsys.readouterr().out
     assert "two: 2 axes" in out
@@ -277,7 +295,9 @@ def test_check_takes_a_table_by_its_path(capsys):
 
 def test_station_takes_a_table_by_its_path_and_runs(capsys):
     (path := pathlib.Path("two_links.yaml")).write_text(TABLE)
+
     assert run_command(["station", str(path), "--out", "first.yaml"]) == 0
+
     written = yaml.safe_load(pathlib.Path("first.yaml").read_text())
     assert written["robot"]["model"] == "two_links.yaml"
     assert run_command(["check", "first.yaml"]) == 0
@@ -296,9 +316,12 @@ def test_options_of_an_import_do_not_go_with_a_table(capsys):
 def test_torques_of_a_robot_without_inertias_are_one_line_with_the_reason(tmp_path, capsys):
     file = tmp_path / "arm.urdf"
     file.write_text(re.sub("<inertial>.*</inertial>", "", RAW))
+
     assert run_command(["station", str(file)]) == 0
+
     capsys.readouterr()
     assert run_command(["check", "arm.yaml"]) == 0
+
     out = " ".join(capsys.readouterr().out.split())
     assert "0.00 N·m" not in out
     assert "holding requires" not in out

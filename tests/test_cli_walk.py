@@ -34,19 +34,25 @@ def test_a_walk_is_that_of_the_program_and_its_way_is_told(tmp_path, capsys):
         "--out",
         "r",
     ]
+
     assert run_command([*arguments, "--no-recording", "--set", "sample_rate=50"]) == 0
+
     out = " ".join(capsys.readouterr().out.split())
     way = json.loads((tmp_path / "r" / "summary.json").read_text())["locomotion"]
+
     told = re.search(
         r"robot moved ([\d.]+) m at ([\d.]+) m/s .* turned by ([\d.]+) deg to the (left|right)", out
     )
+
     assert told is not None
     assert float(told[1]) == pytest.approx(way["distance"], abs=6e-4)
     assert float(told[2]) == pytest.approx(way["speed"], abs=6e-4)
     assert float(told[3]) == pytest.approx(abs(np.rad2deg(way["yaw"])), abs=0.06)
     assert told[4] == ("left" if way["yaw"] >= 0 else "right")
+
     robot = LeggedRobot(Workcell("roid1_dynamic", {"sample_rate": 50}))
     expected = robot.walk(2, 0.5, "walk")
+
     header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
     saved = np.array([row.split(",") for row in rows], dtype=float)
     np.testing.assert_array_equal(saved[:, header.split(",").index("base.x")], expected["base.x"])
@@ -126,6 +132,7 @@ def planned(monkeypatch):
 def test_a_file_of_settings_may_not_change_how_the_robot_moves(tmp_path, capsys, content, key):
     (tmp_path / "quick.yaml").write_text(content)
     arguments = ["walk", "roid1_dynamic", "--set", "sample_rate=50", "--set", "quick.yaml"]
+
     assert run_command(arguments) == ExitCode.BAD_INPUT
     err = capsys.readouterr().err
     assert f"--set quick.yaml: {key}: the gait or act decides how the robot moves" in err
@@ -134,6 +141,7 @@ def test_a_file_of_settings_may_not_change_how_the_robot_moves(tmp_path, capsys,
 def test_a_file_of_settings_may_have_any_name(tmp_path, capsys, planned):
     (tmp_path / "duration.yaml").write_text("sample_rate: 50\n")
     run_command(["walk", "roid1_dynamic", "--set", "duration.yaml"])
+
     assert "enough" in capsys.readouterr().err
     [(_, station)] = planned
     assert station.sample_rate == 50
@@ -153,6 +161,7 @@ def test_the_time_of_a_step_is_that_of_the_gait(planned):
 @pytest.mark.long
 def test_an_act_is_that_of_the_program(tmp_path, capsys):
     assert run_command(["act", "humanoid_fixed", "wave", "--out", "r", "--no-recording"]) == 0
+
     expected = LeggedRobot("humanoid_fixed").act("wave")
     header, *rows = (tmp_path / "r" / "signals.csv").read_text().splitlines()
     saved = np.array([row.split(",") for row in rows], dtype=float)
@@ -170,6 +179,7 @@ def test_an_unknown_act_is_answered_with_those_that_there_are(capsys):
 @pytest.mark.long
 def test_a_walk_can_be_watched(tmp_path, capsys):
     arguments = ["walk", "roid1_dynamic", "--steps", "2", "--live", "--no-recording", "--out", "r"]
+
     assert run_command(arguments) == 0
     assert "watch the motion at http://127.0.0.1:" in capsys.readouterr().out
     assert (tmp_path / "r" / "summary.json").is_file()

@@ -48,6 +48,7 @@ def _in_an_empty_folder(tmp_path, monkeypatch):
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
 def test_an_output_fits_80_columns(command, capsys):
     run_command(command)
+
     captured = capsys.readouterr()
     assert captured.out
     assert too_wide(captured.out + captured.err) == []
@@ -113,6 +114,7 @@ def test_two_results_are_drawn_over_each_other(tmp_path, capsys):
     picture = (tmp_path / "both.svg").read_text()
     for text in ("soft: servo.kp 300", "stiff: servo.kp 1000", "q.joint_2", "position [deg]"):
         assert text in picture
+
     capsys.readouterr()
     assert run_command(["plot", "soft", "--signal", "q.jont_2", "--out", "new.png"]) != 0
     assert "did you mean 'q.joint_2'" in capsys.readouterr().err

@@ -30,6 +30,7 @@ def test_overrides_are_accepted_wherever_a_station_is():
     builder = DiagramBuilder()
     ports = add_station(builder, "irb120_dynamic", overrides=LIGHT)
     built = build_station("irb120_dynamic", overrides=LIGHT)
+
     configs = [
         simulate("irb120_dynamic", overrides=LIGHT, duration=0.01, progress=False).config,
         simulate(
@@ -42,12 +43,16 @@ def test_overrides_are_accepted_wherever_a_station_is():
         ports.config,
         built.config,
     ]
+
     assert {config.gravity for config in configs} == {1.6}
     np.testing.assert_allclose(ports.plant.plant.gravity_field().gravity_vector(), [0, 0, -1.6])
+
     light, heavy = (linearize("double_pendulum", overrides=own) for own in (LIGHT, {}))
     assert not np.allclose(light.A, heavy.A)
+
     simulator = Simulator(built)
     apply_solver(simulator, built, overrides={"solver.max_step": 0.0125})
+
     assert simulator.get_integrator().get_maximum_step_size() == 0.0125
 
 
@@ -78,7 +83,9 @@ def test_pushes_alike_in_simulate_and_in_a_runner():
     pushes = {"shove": {"start": 0.05, "duration": 0.1, "force": [0, 6, 0]}}
     station = load_station("roid1_dynamic")
     first = simulate(station, pushes=pushes, duration=0.3, progress=False)
+
     second = Runner(station).run(pushes=pushes, duration=0.3)
+
     np.testing.assert_array_equal(first.values, second.values)
     assert first["applied_force.shove.y"].max() == 6.0
 
@@ -86,6 +93,7 @@ def test_pushes_alike_in_simulate_and_in_a_runner():
 def test_a_branch_gives_the_whole_run_with_signals():
     runner = Runner("humanoid_dynamic", overrides={"duration": 0.6})
     branch = runner.branch(0.3)
+
     assert isinstance(branch, RunBranch)
     for force in (5.0, -8.0):
         pushes = {"shove": {"start": 0.3, "duration": 0.1, "force": [0, force, 0]}}
@@ -120,6 +128,7 @@ def test_fork_is_a_former_name():
 
 def test_the_speed_of_a_run_has_one_name():
     result = simulate("bouncing_ball", duration=0.05, progress=False)
+
     assert result.realtime_rate == pytest.approx(result.simulated_time / result.wall_time)
     assert result.wall_time == result.stepping_time + result.signal_time
     assert "real time" in result.speed_in_words
@@ -148,5 +157,7 @@ def test_type_checkers_know_the_keywords_of_configurations(tmp_path):
         "--follow-imports=silent",
         str(script),
     ]
+
     checked = subprocess.run(command, capture_output=True, text=True, check=False)
+
     assert 'Unexpected keyword argument "durration"' in checked.stdout

@@ -65,6 +65,7 @@ class TestBouncingBall:
             )
             if ball["distance.gap"][int(row)] > 0
         ]
+
         assert len(apexes) >= 7
         np.testing.assert_allclose(tops[: len(apexes)], apexes, rtol=0.01)
         np.testing.assert_allclose(
@@ -83,6 +84,7 @@ class TestBouncingBall:
 
     def test_energy_never_grows(self, ball):
         height, speed = ball["piece.ball.z"], ball["piece.ball.vz"]
+
         energy = GRAVITY * (height - RADIUS) + speed**2 / 2
         flying = energy[height > RADIUS]
         assert np.diff(flying).max() < 5e-4 * energy[0]  # what the solver's accuracy of 3e-4 leaves
@@ -92,6 +94,7 @@ class TestBouncingBall:
         result = simulate(
             load_station("bouncing_ball", {"contact.dissipation": 0, "sample_rate": 500})
         )
+
         flying = result["distance.gap"] > 0
         energy = GRAVITY * result["distance.gap"] + result["piece.ball.vz"] ** 2 / 2
         assert energy[flying].max() < (1 + 5e-4) * energy[0]
@@ -104,7 +107,9 @@ class TestBouncingBall:
             "contact.stiffness": stiffness,
             "pieces.ball.pose": [0, 0, RADIUS - depth / 2, 0, 0, 0],
         }
+
         result = simulate(load_station("bouncing_ball", {**overrides, "contact.dissipation": 20}))
+
         assert -result["distance.gap"][-1] == pytest.approx(depth, rel=0.01)
         assert result["force.floor.z"][-1] == pytest.approx(BALL * GRAVITY, rel=0.005)
 
@@ -112,7 +117,9 @@ class TestBouncingBall:
         own = {"pieces.ball.contact": {"stiffness": 3000}, "contact.dissipation": 20}
         depth = BALL * GRAVITY / (2 * 3000 * 1000 / (3000 + 1000))
         start = {"pieces.ball.pose": [0, 0, RADIUS - depth, 0, 0, 0]}
+
         result = simulate(load_station("bouncing_ball", {**own, **start}), duration=0.5)
+
         assert -result["distance.gap"][-1] == pytest.approx(depth, rel=1e-6)
 
     def test_on_a_pressed_surface_it_sinks_as_the_closed_form_says(self):
@@ -125,7 +132,9 @@ class TestBouncingBall:
             "contact.resolution": 0.005,
         }
         start = {"pieces.ball.pose": [0, 0, RADIUS - depth, 0, 0, 0]}
+
         result = simulate(load_station("bouncing_ball", {**fine, **start}), duration=0.001)
+
         # of a mesh with edges of 5 mm
         assert result["force.floor.z"][0] == pytest.approx(force, rel=0.05)
 
@@ -135,11 +144,13 @@ class TestBouncingBall:
             result = simulate(load_station("bouncing_ball", overrides), duration=0.8)
             depths.append(-result["distance.gap"].min())
             backs.append(result["distance.gap"][result.times > 0.25].max())
+
         assert backs[1] < 0.7 * backs[0]
         assert depths[2] < 0.35 * depths[0]
 
     def test_it_says_in_its_summary_where_the_ball_is(self, ball):
         summary = ball.summary()
+
         assert summary["robot"] is None
         assert summary["final"]["piece_pose"]["ball"][2] == pytest.approx(ball["piece.ball.z"][-1])
         assert summary["peak"]["force"]["floor"] == pytest.approx(ball["force.floor.z"].max())
@@ -148,10 +159,12 @@ class TestBouncingBall:
     def test_its_result_can_be_saved_and_run_again(self, tmp_path):
         result = simulate(load_station("bouncing_ball"), duration=0.4)
         folder = result.save(tmp_path / "ball")
+
         assert {file.name for file in (folder / "plots").iterdir()} == {
             "piece_ball.png",
             "sensors.png",
         }
+
         again = simulate(load_station(folder / "station.yaml"))
         np.testing.assert_array_equal(again.values, result.values)
 
@@ -159,7 +172,9 @@ class TestBouncingBall:
 def test_sensors_that_only_report_change_no_step():
     with_sensors = simulate(load_station("bouncing_ball"), duration=1.0)
     config = load_station("bouncing_ball").model_copy(update={"sensors": {}})
+
     without = simulate(config, duration=1.0)
+
     np.testing.assert_array_equal(with_sensors.step_times, without.step_times)
     np.testing.assert_array_equal(with_sensors["piece.ball.z"], without["piece.ball.z"])
 
@@ -184,6 +199,7 @@ SURFACE = {
 class TestBoxOnFloor:
     def test_each_of_four_corners_carries_a_quarter(self):
         result = simulate(load_station("box_on_floor", {"sensors": CORNERS}))
+
         shares = [result[f"force.{corner}.z"][-1] / (BOX * GRAVITY) for corner in CORNERS]
         np.testing.assert_allclose(shares, 0.25, rtol=0.01)
         assert result["force.floor.z"][-1] == pytest.approx(BOX * GRAVITY, rel=0.005)
@@ -202,11 +218,13 @@ class TestBoxOnFloor:
         """The balls' middles are 45 mm beside and 95 mm below that of the box: balance is lost beyond 25.3 degrees."""
         lean = np.deg2rad(lean_deg)
         height = 0.045 * np.sin(lean) + 0.095 * np.cos(lean) + 0.005
+
         result = simulate(
             load_station(
                 "box_on_floor", {"pieces.box.pose": [0, 0, float(height), 0, float(lean), 0]}
             )
         )
+
         assert bool(result["piece.box.z"][-1] < 0.06) is falls_over
         assert np.abs(result.piece_velocity("box")[-1]).max() < 0.05
 
@@ -215,8 +233,11 @@ class TestBoxOnFloor:
         lean = float(np.deg2rad(22))
         height = 0.045 * np.sin(lean) + 0.095 * np.cos(lean) + 0.005
         pose = {"pieces.box.pose": [0, 0, float(height), 0, lean, 0]}
+
         result = simulate(load_station("box_on_floor", {**pose, "sample_rate": 1000}), duration=0.2)
+
         assert result.summary()["sensors"]["floor"]["tangential"] == "momentum balance"
+
         moving = slice(20, 180)  # before the other edge lands
         force = BOX * np.gradient(result["piece.box.vx"], result.times)
         assert np.abs(force[moving]).max() > 1.0
@@ -230,11 +251,14 @@ class TestBoxOnFloor:
         stopped = simulate(
             load_station("box_on_floor", {**pose, "monitors": {"fall": {"height": 0.07}}})
         )
+
         whole = simulate(load_station("box_on_floor", {**pose, "sample_rate": 2000}))
+
         assert stopped.stopped_by == "fall"
         assert stopped.stop_time == pytest.approx(
             whole.times[np.argmax(whole["piece.box.z"] < 0.07)], abs=1.5e-3
         )
+
         standing = simulate(
             load_station("box_on_floor", {"monitors": {"fall": {"height": 0.07, "tilt_deg": 5}}})
         )
@@ -252,10 +276,12 @@ class TestForceStop:
     def test_the_run_ends_where_the_ball_touches(self, touched, tmp_path):
         assert (touched.ending, touched.stopped_by) == ("monitor", "stop")
         assert touched.message == f"tip and floor touch, at {touched.stop_time:.4g} s"
+
         speed = np.gradient(touched.pose("tcp")[:, 2], touched.times)[-2]
         assert abs(touched["distance.gap"][-1]) < 1e-3 * abs(speed) + 1e-6  # within 1 ms of contact
         # the middle of a ball of 10 mm
         assert touched.pose("tcp")[-1, 2] == pytest.approx(0.01, abs=1e-3)
+
         folder = touched.save(tmp_path / "stop")
         summary = json.loads((folder / "summary.json").read_text())
         assert summary["stopped_by"] == "stop"
@@ -264,10 +290,12 @@ class TestForceStop:
     def test_by_force_it_ends_a_little_later(self, touched):
         by_force = {"monitors.stop.kind": "force_limit", "monitors.stop.limit": 20}
         result = simulate(load_station("irb120_force_stop", by_force))
+
         assert (
             result.message
             == f"the force on tip reached the limit of 20 N, at {result.stop_time:.4g} s"
         )
+
         size = np.linalg.norm(result.vector("force.touch")[-1])
         assert 20 <= size < 20 + 1e-3 * 1e5 * 0.3  # 1 ms of the ball's way into a floor of 1e5 N/m
         assert touched.stop_time < result.stop_time < touched.stop_time + 0.01
@@ -286,17 +314,20 @@ class TestForceStop:
             "monitors.force": {"kind": "force_limit", "limit": 1},
         }
         result = simulate(load_station("irb120_force_stop", high), duration=0.5)
+
         assert result.ending == "completed"
         assert result["distance.gap"].min() > 0.1
 
     def test_the_tool_leaves_its_workspace(self, touched):
         box = {"kind": "workspace", "lower": [0, -1, 0.1], "upper": [1, 1, 1]}
         result = simulate(load_station("irb120_force_stop", {"monitors.box": box}))
+
         assert result.stopped_by == "box"
         assert (
             result.message
             == f"the tool left its workspace: z below 0.1 m, at {result.stop_time:.4g} s"
         )
+
         height = touched.pose("tcp")[:, 2]
         assert result.stop_time == pytest.approx(
             float(np.interp(-0.1, -height, touched.times)), abs=2e-3
@@ -311,12 +342,14 @@ class TestCobot:
     def test_it_swings_and_a_tighter_run_swings_alike(self):
         runs = [simulate(load_station("irb120_cobot", overrides)) for overrides in ({}, FINE)]
         swings = [np.ptp(run.pose("tcp")[100:, 2]) for run in runs]
+
         assert swings[0] > 0.03
         assert swings[0] == pytest.approx(swings[1], rel=0.05)
 
     @pytest.mark.long
     def test_it_yields_more_and_more_without_chatter(self):
         swings = []
+
         for gain in (0, 10, 100, 300, 1000):
             result = simulate(load_station("irb120_cobot", {"servo.admittance_gain": gain}))
             assert result.ending == "completed"
@@ -337,6 +370,7 @@ class TestCobot:
             )
         )
         position = result.axes("q")[-1]
+
         np.testing.assert_allclose(
             (result.axes("q_ref")[-1] - position) * 1000, result.axes("tau")[-1], atol=0.05
         )
@@ -352,9 +386,11 @@ class TestCobot:
             "solver.max_step": 0.01,
         }
         result = simulate(load_station("irb120_dynamic", overrides))
+
         error = np.linalg.norm(
             result.vector("external_force.hand") - force, axis=1
         ) / np.linalg.norm(force)
+
         moving = (result.times > 0.45) & (result.times < 1.0)
         assert np.abs(result.axes("v")[moving]).max() > 0.5
         assert error[moving].max() < 0.05
@@ -369,7 +405,9 @@ class TestCobot:
             "robot.initial_deg": {"joint_5": 45},
         }
         overrides["reference"] = {"kind": "hold", "target_deg": {"joint_5": 45}}
+
         result = simulate(load_station("irb120_dynamic", overrides), duration=1.0)
+
         np.testing.assert_allclose(result.vector("external_force.hand")[-1], [0, 0, 8], atol=0.16)
 
 
@@ -379,7 +417,9 @@ def test_surfaces_leave_neighbours_free_to_move(self_collision):
     contact = {"contact": {"stiffness": 1e4, "dissipation": 1, "self_collision": self_collision}}
     overrides = {"floor": None, "pieces": {}}
     touching = simulate(load_station("irb120_dynamic", {**overrides, **contact}), duration=0.2)
+
     free = simulate(load_station("irb120_dynamic", overrides), duration=0.2)
+
     np.testing.assert_allclose(touching.axes("q"), free.axes("q"), atol=1e-12)
 
 
@@ -387,6 +427,7 @@ def test_joint_torque_sensors_read_what_the_servos_give_less_the_damping(caplog)
     overrides = {"sensors": {"gears": {"kind": "joint_torque"}}}
     with caplog.at_level("WARNING", logger="drake"):
         result = simulate(load_station("double_pendulum", overrides), duration=1.0)
+
     assert caplog.records == []  # of joint limits, for which a station has stops of its own
     gears = np.column_stack([result[f"joint_torque.gears.joint_{number}"] for number in (1, 2)])
     np.testing.assert_allclose(gears, result.axes("tau") - 0.01 * result.axes("v"), atol=1e-9)
@@ -413,6 +454,7 @@ def test_under_cenic_the_friction_of_an_arm_is_left_out_and_that_is_said():
         "monitors.stop.kind": "force_limit",
     }
     result = simulate(load_station("irb120_force_stop", {**overrides, "monitors.stop.limit": 20}))
+
     assert result.summary()["sensors"]["touch"]["tangential"] == "left out"
     np.testing.assert_allclose(result.vector("force.touch")[:, :2], 0, atol=1e-9)
     assert 20 <= result["force.touch.z"][-1] < 60
@@ -421,11 +463,15 @@ def test_under_cenic_the_friction_of_an_arm_is_left_out_and_that_is_said():
 def test_the_recording_shows_the_contact_forces(tmp_path):
     result = simulate(load_station("box_on_floor"), duration=0.2)
     page = save_recording(result, tmp_path / "box.html").read_text(encoding="utf-8")
+
     messages = [base64.b64decode(text) for text in re.findall(r"base64,([A-Za-z0-9+/=]+)", page)]
+
     (animation,) = [message for message in messages if b"set_animation" in message]
     assert animation.count(b"/drake/contact_forces/") >= 4
+
     flying = simulate(load_station("bouncing_ball"), duration=0.1)
     page = save_recording(flying, tmp_path / "ball.html").read_text(encoding="utf-8")
+
     assert not any(
         b"contact_forces" in base64.b64decode(text)
         for text in re.findall(r"base64,([\w+/=]+)", page)
@@ -447,7 +493,9 @@ def test_a_piece_that_meets_others_at_points_rolls_on_where_its_facets_would_bra
         "solver": {"kind": "discrete", "time_step": 0.001},
     }
     result = simulate(load_station("bouncing_ball", changes), duration=1.5, progress=False)
+
     speed = result.piece_velocity("ball")[:, 0]
+
     kept = speed[-1] / speed[20]
     assert (kept > 0.97) == bool(own)
 

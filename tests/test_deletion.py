@@ -171,6 +171,8 @@ def test_each_extension_works_without_another_one(without, name):
     ]
     not_imported = ",".join(programs + NEEDS.get(name, []))
     tests = [f"tests/extensions/{other}/{QUICK_TESTS[other]}" for other in others]
+
     tested = copy.run("-c", IMPORT_AND_TEST, ",".join(others), not_imported, *tests)
+
     assert tested.returncode == 0, (tested.stdout + tested.stderr)[-5000:]
     assert "imported " in tested.stdout

@@ -102,13 +102,16 @@ def test_sections_that_are_none_are_refused_in_a_line(section, told):
 )
 def test_a_value_lies_at_the_part_of_the_draws_that_it_was_taken_from(one):
     assert one.part(one.quantile(0.3)) == pytest.approx(0.3)
+
     values = [one.quantile(part) for part in (-1, 0, 0.5, 1, 2)]
     assert values == sorted(values)
     assert all(one.holds(value) for value in (*values, one.first))
     assert not one.holds(float("nan"))
     assert not one.holds("1")
+
     source = np.random.default_rng(1)
     draws = [one.draw(source) for _ in range(2000)]
+
     assert np.mean([one.part(value) for value in draws]) == pytest.approx(0.5, abs=0.03)
 
 
@@ -123,6 +126,7 @@ def test_ranges_begin_where_they_are_told_or_in_their_middle():
 def test_each_whole_number_and_each_choice_has_its_part(log):
     whole, names = Uniform(low=1, high=4, integer=True, log=log), Choice(values=["a", "b", "c"])
     values = [whole.quantile(part) for part in np.linspace(0, 1, 401)]
+
     assert values == sorted(values)
     assert all(type(value) is int for value in values)
     if not log:
@@ -138,6 +142,7 @@ def test_each_whole_number_and_each_choice_has_its_part(log):
 def test_draws_are_those_of_their_distribution_and_of_their_seed(text, mean, deviation):
     one = parse_distribution("key", text)
     values = [one.draw(np.random.default_rng(seed)) for seed in range(2000)]
+
     assert np.mean(values) == pytest.approx(mean, abs=0.05)
     assert np.std(values) == pytest.approx(deviation, rel=0.05)
     plain = np.random.default_rng(7)
@@ -149,6 +154,7 @@ def test_draws_spread_over_all_keys_and_leave_out_what_does_not_apply(sampling):
     cases = validate_section(
         Draws, {"vary": MIXED, "sampling": sampling, "count": 32, "seed": 3}, "file"
     ).draws()
+
     assert len(cases) == 32
     assert all(("step" in case) == (case["kind"] == "discrete") for case in cases)
     assert all(
@@ -158,6 +164,7 @@ def test_draws_spread_over_all_keys_and_leave_out_what_does_not_apply(sampling):
     # half of all: of the even ones to the last
     below = np.mean([case["kp"] < 100 for case in cases])
     assert below == (pytest.approx(0.5, abs=0.3) if sampling == "random" else 0.5)
+
     again = Draws(vary=MIXED, sampling=sampling, count=32, seed=3)
     assert again.draws() == cases
     assert again.model_copy(update={"seed": 4}).draws() != cases
@@ -166,6 +173,7 @@ def test_draws_spread_over_all_keys_and_leave_out_what_does_not_apply(sampling):
 def test_a_grid_has_every_combination_once():
     space = {key: MIXED[key] for key in ("steps", "kind", "step")}
     cases = Draws(vary=space, sampling="grid", count=3).draws()
+
     assert len(cases) == 3 * (1 + 3)
     assert {"steps": 1, "kind": "continuous"} in cases
     assert {"steps": 4, "kind": "discrete", "step": 5e-3} in cases
@@ -177,9 +185,12 @@ def test_a_grid_has_every_combination_once():
 def test_a_draw_of_a_source_takes_the_same_numbers_whatever_applies():
     space = Draws(vary={**MIXED, "last": "uniform:0:1"}).vary
     found = [draw_case(space, np.random.default_rng(seed)) for seed in range(20)]
+
     assert {"step" in one for one in found} == {True, False}
+
     without = {key: one for key, one in space.items() if key != "kind"}
     without["kind"] = Choice(values=["continuous"])
+
     fixed = {key: without[key] for key in space}
     assert [draw_case(fixed, np.random.default_rng(seed))["last"] for seed in range(20)] == [
         one["last"] for one in found
@@ -189,7 +200,9 @@ def test_a_draw_of_a_source_takes_the_same_numbers_whatever_applies():
 def test_a_distribution_is_written_as_it_was_read():
     given = {"vary": {**MIXED, "gravity": "uniform:1.6:9.8", "damping": "log:1:100:3"}}
     space = validate_section(Draws, given, "file")
+
     written = space.model_dump(mode="json")["vary"]
+
     assert json.loads(json.dumps(written)) == given["vary"]
     assert validate_section(Draws, {"vary": written}, "file") == space
     assert pickle.loads(pickle.dumps(space)) == space

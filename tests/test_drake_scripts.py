@@ -71,6 +71,7 @@ def test_meshcat_and_a_log(tmp_path):
 @pytest.mark.long
 def test_stations_together(tmp_path):
     ends = dict(re.findall(r"(\w+) ends at (\S+) rad", output_of("together", tmp_path)))
+
     assert float(ends["turning"]) < 1.45 < float(ends["alone"])
     assert abs(float(ends["hit"])) > 0.01
     assert abs(float(ends["beside"])) < 0.01
@@ -80,6 +81,7 @@ def test_stations_together(tmp_path):
 def test_many_runs(tmp_path):
     printed = output_of("many_runs", tmp_path)
     forward, backward = (float(moved) for moved in re.findall(r"move it by (\S+) m", printed))
+
     assert forward > 0 > backward
     assert "200 runs" in printed
 

@@ -59,7 +59,9 @@ def test_a_block_in_python_keeps_its_diagram_where_the_module_says_so() -> None:
     builder.AddSystem(Empty())
     diagram = weakref.ref(builder.Build())
     del builder
+
     gc.collect()
+
     assert (diagram() is not None) == KEEPS_PYTHON_BLOCKS
 
 

@@ -91,6 +91,7 @@ def test_motors_change_the_inertia_by_their_own_times_the_gear_ratio_squared(
 ) -> None:
     bare = Dynamics.of_robot(load_robot("puma560").with_drives(Drives(rotor_inertia=0.0)))
     difference = puma.inertia(POSTURES) - bare.inertia(POSTURES)
+
     np.testing.assert_allclose(
         difference, np.broadcast_to(np.diag(reflected()), (10, 6, 6)), rtol=0, atol=1e-9
     )
@@ -106,7 +107,9 @@ def test_the_terms_add_up_to_the_torques_with_friction(puma: Dynamics) -> None:
     friction = np.array(drives.damping) * v + np.array(drives.friction) * np.clip(
         v / drives.friction_speed, -1, 1
     )
+
     torque = puma.inverse_dynamics(q, v, a)
+
     np.testing.assert_allclose(torque, terms + puma.gravity(q) + friction, rtol=0, atol=1e-9)
     np.testing.assert_allclose(puma.forward_dynamics(q, v, torque), a, rtol=0, atol=1e-9)
     np.testing.assert_allclose(
@@ -118,7 +121,9 @@ def test_the_coriolis_matrix_is_that_of_christoffel(puma: Dynamics) -> None:
     """dM/dt - 2 C is skew, and C is linear in the speeds; dM/dt by central differences to 1e-6."""
     q, v, step = POSTURES[0], SPEEDS[0], 1e-6
     rate = (puma.inertia(q + step * v) - puma.inertia(q - step * v)) / (2 * step)
+
     skew = rate - 2 * puma.coriolis(q, v)
+
     np.testing.assert_allclose(skew, -skew.T, rtol=0, atol=1e-6)
     np.testing.assert_allclose(
         puma.coriolis(q, 1e-3 * v), 1e-3 * puma.coriolis(q, v), rtol=0, atol=1e-10
@@ -127,7 +132,9 @@ def test_the_coriolis_matrix_is_that_of_christoffel(puma: Dynamics) -> None:
 
 def test_the_jacobian_moves_the_tool_and_tells_where_it_cannot() -> None:
     arm, chain = Dynamics.of_robot("irb120"), Chain.of_robot(load_robot("irb120"))
+
     np.testing.assert_allclose(arm.jacobian(POSTURES), chain.jacobian(POSTURES), rtol=0, atol=1e-12)
+
     square = np.array([abs(np.linalg.det(jacobian)) for jacobian in arm.jacobian(POSTURES)])
     np.testing.assert_allclose(arm.manipulability(POSTURES), square, rtol=1e-9)
     # wrist: axes 4 and 6 are one line
@@ -157,16 +164,19 @@ def rod(**more: object) -> RobotModel:
 def test_a_rod_holds_what_its_closed_form_says() -> None:
     """Stretched out level: g m l/2 by its own weight, g l by each kilogram at its end; upright any load."""
     arm, g = Dynamics.of_robot(rod()), STANDARD_GRAVITY
+
     assert arm.gravity([0.0]) == pytest.approx([2.0 * g * 0.25])
     assert arm.payload([0.0]) == pytest.approx([(20.0 - 2.0 * g * 0.25) / (0.5 * g)])
     assert arm.payload([np.pi]) == pytest.approx(arm.payload([0.0]))  # on the other side
     assert arm.payload([np.pi / 2])[0] > 1e6
+
     # a load has the inertia m l², and what turns it does not act on its axis
     speeding = arm.payload([0.0], v=2.0, a=3.0)
     assert speeding == pytest.approx(
         [(20.0 - 2.0 * g * 0.25 - (0.04 + 2 * 0.25**2) * 3.0) / (0.5 * g + 0.5**2 * 3.0)]
     )
     assert abs(np.cos(arm.weakest_posture())) == pytest.approx([1.0])
+
     weak = rod(dh={**rod().model_dump()["dh"], "rows": [{**ROD, "a": 0.5, "effort": 4.0}]})
     assert Dynamics.of_robot(weak).payload([0.0]) == [0.0]
 
@@ -181,20 +191,24 @@ def test_drives_of_a_urdf_and_of_a_description_are_the_same(tmp_path: Path) -> N
     """A URDF's own tags reach Drake; a description overrides them, axis by axis."""
     robot = rod(drives={"rotor_inertia": 1e-4, "gear_ratio": 100, "damping": 0.3, "friction": 2.0})
     file = tmp_path / "rod.urdf"
+
     file.write_bytes(ET.tostring(robot.element))
     text = file.read_text()
     assert all(tag in text for tag in ("drake:rotor_inertia", "drake:gear_ratio", 'friction="2"'))
+
     by_urdf, by_table = Dynamics.of_robot(file), Dynamics.of_robot(robot)
     for arm in (by_urdf, by_table):
         assert arm.inertia([0.0]) == pytest.approx(np.array([[0.04 + 2 * 0.25**2 + 1.0]]))
         assert arm.inverse_dynamics([np.pi / 2], [0.5]) == pytest.approx([0.3 * 0.5 + 2.0])
         # half of v_s
         assert arm.inverse_dynamics([np.pi / 2], [-0.005]) == pytest.approx([-0.3 * 0.005 - 1.0])
+
     (tmp_path / "robot.yaml").write_text(
         "urdf: rod.urdf\nroot: base_link\naxes: [joint_1]\ndrives: {gear_ratio: 10}\n"
     )
     described = Dynamics.of_robot(tmp_path / "robot.yaml")
     assert described.inertia([0.0]) == pytest.approx(np.array([[0.04 + 2 * 0.25**2 + 0.01]]))
+
     changed = load_robot("puma560").with_drives(Drives(friction={"joint_2": 1.0}))
     assert changed.friction.tolist()[:3] == [25.984, 1.0, 6.3642]
     assert load_robot_file(tmp_path / "robot.yaml").friction.tolist() == [2.0]

@@ -38,6 +38,7 @@ def test_a_place_without_an_element_leaves_no_empty_colons() -> None:
 def test_a_long_path_keeps_the_name_of_its_file() -> None:
     file = Path("/folder" * 50, "net.onnx")
     message = str(InvalidParameter("policy", file, "a network"))
+
     assert message.startswith("policy is …")
     assert message.endswith("/folder/net.onnx; it must be a network")
     assert len(message) < 120
@@ -49,6 +50,7 @@ def test_a_long_path_keeps_the_name_of_its_file() -> None:
 @pytest.mark.parametrize("value", ["line\n" * 100, list(range(1000)), None])
 def test_a_parameter_message_is_one_short_line(value: object) -> None:
     message = str(InvalidParameter("gain", value, "positive"))
+
     assert message.startswith("gain is ")
     assert message.endswith("; it must be positive")
     assert "\n" not in message

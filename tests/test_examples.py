@@ -44,6 +44,7 @@ def loaded(file):
 def test_an_example_runs(file, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     loaded(file).main()
+
     assert capsys.readouterr().out.strip()
     assert {path.name for path in tmp_path.iterdir()} <= {"runs"}
 
@@ -51,11 +52,13 @@ def test_an_example_runs(file, tmp_path, monkeypatch, capsys):
 def test_the_notebook_shows_its_run(tmp_path, monkeypatch, capsys):
     """Its cells run one after the other; the last line of one is shown as a notebook shows it. Outputs are not kept."""
     monkeypatch.chdir(tmp_path)
+
     (notebook,) = NOTEBOOKS
     cells = [
         cell for cell in json.loads(notebook.read_text())["cells"] if cell["cell_type"] == "code"
     ]
     assert all(cell["outputs"] == [] and cell["execution_count"] is None for cell in cells)
+
     names, shown = {}, []
     for cell in cells:
         *body, last = ast.parse("".join(cell["source"])).body
@@ -64,7 +67,9 @@ def test_the_notebook_shows_its_run(tmp_path, monkeypatch, capsys):
         exec(compile(ast.Module(body, []), "a cell", "exec"), names)
         if isinstance(last, ast.Expr):
             shown.append(eval(compile(ast.Expression(last.value), "a cell", "eval"), names))
+
     page = shown[0]._repr_html_()
+
     assert "ran to its end at 1 s" in page
     assert base64.b64decode(re.search('base64,([^"]*)"', page)[1]).startswith(b"\x89PNG")
     assert "joint_2" in page
@@ -100,7 +105,9 @@ def test_a_loop_of_ones_own_keeps_the_tool_at_its_height():
         "joint_3": own_loop.REACH,
         "joint_5": own_loop.REACH - 0.302,
     }
+
     given = -sum(alone[f"tau.{joint}"][-1] / 1000 * lever for joint, lever in levers.items())
+
     assert sagged == pytest.approx(given, rel=0.03)
     late = kept.times > 4
     np.testing.assert_allclose(kept["tcp.z"][late], kept["tcp.z"][0], atol=sagged / 50)
@@ -110,12 +117,14 @@ def test_a_loop_of_ones_own_keeps_the_tool_at_its_height():
 def test_the_regulator_takes_the_push_better_than_servos():
     lqr = example("irb120_lqr")
     most, late = lqr.strays(lqr.run())
+
     assert most < 0.6 * lqr.strays(lqr.run_servos())[0]
     assert late < 1e-3
 
 
 def test_weaker_motors_hold_less():
     results = example("irb120_overload").run(limits=(150.0, 10.0))
+
     ends = {limit: np.rad2deg(result["q.joint_2"][-1]) for limit, result in results.items()}
     assert ends[150.0] == pytest.approx(31.2, abs=0.1)
     assert ends[10.0] == pytest.approx(110, abs=0.1)
@@ -125,6 +134,7 @@ def test_weaker_motors_hold_less():
 def test_what_is_drawn_lies_on_the_table():
     arm, moves = example("irb120_draw").run()
     tip = example("irb120_draw").drawing(arm, moves)
+
     drawn = tip[np.abs(tip[:, 2]) < 1e-6]
     np.testing.assert_allclose([drawn[:, 0].min(), drawn[:, 1].min()], [0.01, 0.099], atol=1e-3)
     # bulge of the B
@@ -149,6 +159,7 @@ def test_the_rook_stands_on_its_square(mode):
         arm.cell.frame("rook").translation()
         - arm.cell.frame("chess_board.square_5_5").translation()
     )
+
     # its servos know its weight and the rook's
     assert np.linalg.norm(off) < (1e-6 if mode == "kinematic" else 5e-4)
     assert arm.cell.config.pieces["pencil"].parent == "gripper"
@@ -158,6 +169,7 @@ def test_the_rook_stands_on_its_square(mode):
 @pytest.mark.long
 def test_the_dynamic_arm_strays_by_millimetres_unless_its_servos_know_its_weight():
     ways = example("irb120_same_program").run()
+
     off = np.linalg.norm(ways["dynamic"] - ways["kinematic"], axis=1)
     assert 1e-3 < off.max() < 0.03
     assert (
@@ -169,6 +181,7 @@ def test_the_dynamic_arm_strays_by_millimetres_unless_its_servos_know_its_weight
 @pytest.mark.parametrize("mode", ["kinematic", pytest.param("dynamic", marks=pytest.mark.long)])
 def test_the_bar_goes_from_hand_to_hand(mode):
     cell, moves = example("two_arms_handover").run(mode=mode)
+
     parents = [move.config.pieces["bar"].parent for move in moves]
     assert [parents[0], parents[3], parents[7], cell.config.pieces["bar"].parent] == [
         "world",
@@ -186,7 +199,9 @@ def test_a_camera_finds_the_parts_of_a_belt_where_they_are():
     cell, known = belt.workcell(seed=3, parts=3), []
     belt.look(cell, known)
     places = np.array([cell.frame(f"part_{number}").translation()[:2] for number in range(3)])
+
     found = np.array(known)[:, :2] + [0.0, cell.position("belt")[0]]
+
     away = np.linalg.norm(places[:, np.newaxis] - found, axis=2)
     assert found.shape == (3, 2)
     assert away.min(axis=1).max() < 1e-3  # m; a pixel sees 2 mm
@@ -196,6 +211,7 @@ def test_a_camera_finds_the_parts_of_a_belt_where_they_are():
 def test_parts_on_a_belt_that_runs_on_are_taken_where_a_camera_found_them():
     belt = example("belt_camera")
     cell, away = belt.run(seed=3, parts=2)
+
     assert len(away) == 2
     assert max(away) < 3e-3  # m from the tool to where a part truly was, in the plane of the belt
     assert {cell.config.pieces[f"part_{number}"].parent for number in range(2)} == {"pallet"}
@@ -220,11 +236,13 @@ def test_the_belt_s_program_is_the_same_as_a_file():
 @pytest.mark.long
 def test_both_hands_leave_the_parcel_beside():
     robot = example("humanoid_box").run()
+
     np.testing.assert_allclose(
         robot.cell.frame("parcel").translation(), [0.03, -0.1243, 0.27], atol=1e-6
     )
     assert robot.cell.frame("parcel").rotation().IsNearlyIdentity(1e-6)
     assert robot.cell.config.pieces["parcel"].parent == "world"
+
     robot.simulate()  # the pieces change hands in the program
     assert len(robot.runs) == 3
     np.testing.assert_allclose(
@@ -238,7 +256,9 @@ def test_the_hands_keep_their_distance_while_they_carry():
     box = example("humanoid_box")
     robot = box.LeggedRobot("humanoid_box")
     robot.test_move(box.hands(robot, 0.0), 0.5)
+
     result = robot.test_move(box.hands(robot, box.SHIFT), 0.5)
+
     for q in result.axes("q"):
         apart = robot.pose("left_hand", q)[:3] - robot.pose("right_hand", q)[:3]
         np.testing.assert_allclose(apart, [2 * box.HALF_WIDTH, 0, 0], atol=2e-3)
@@ -248,6 +268,7 @@ def test_one_program_has_one_effect_on_three_humanoids():
     """Arm and leg turn about their joints by 30 degrees: ahead by sin 30, up by 1 - cos 30 of the same length."""
     humanoids = example("humanoids_same_program")
     result, robots = humanoids.run()
+
     assert [robot.name for robot in robots] == ["humanoid", "roid1", "zjudancer"]
     for robot in robots:
         ahead, up = humanoids.ways(result, robot, "right_foot")[-1]
@@ -261,6 +282,7 @@ def test_one_program_has_one_effect_on_three_humanoids():
 )
 def test_a_humanoid_walks_as_it_is_told(robot, gait):
     pose = example("humanoids_walk").run(robot, gait, steps=2).pose("base")
+
     way, ahead = pose[-1, :2] - pose[0, :2], {"roid1": [1, 0], "zjudancer": [0, 1]}[robot]
     turned = np.rad2deg(2 * np.arctan2(pose[-1, 6], pose[-1, 3]))
     if gait == "sideways":
@@ -282,6 +304,7 @@ def test_the_base_is_calmer_by_pd_than_by_p():
     moves = {
         name: pd_example.base_moves(result) for name, result in pd_example.run(duration=6.0).items()
     }
+
     tilt = {name: np.abs(move[:, 4:]).max() for name, move in moves.items()}
     assert tilt["PD"] < 2
     assert tilt["P"] > 5

@@ -98,12 +98,16 @@ def test_an_engine_of_another_package_moves_a_station(announce, ball):
     """Symplectic Euler of a fall from rest: after n steps of h, v = -g n h and z falls by g h² n (n + 1) / 2."""
     announce("fall-kit", "engines={'falling': 'fall_kit.engine:Falling'}", engine=ENGINE)
     station = load_station(ball)
+
     assert station.engine.name == "falling"
     assert station.engine.time_step == 0.01
     assert not station.engine.steps_drakes_plant
+
     result = simulate(station, duration=0.2, progress=False)
     fallen = result.piece_pose("ball")[:, 2]
+
     count = 20
+
     assert fallen[0] - fallen[-1] == pytest.approx(
         9.80665 * 0.01**2 * count * (count + 1) / 2, rel=1e-9
     )
@@ -124,6 +128,7 @@ def test_an_engine_that_cannot_be_used_is_one_line_about_its_package(
     announce, ball, module, message
 ):
     announce("fall-kit", "engines={'falling': 'fall_kit.engine:Falling'}", engine=module)
+
     with pytest.raises(SimrobError, match=message) as raised:
         load_station(ball)
     assert "package fall-kit" in str(raised.value)
@@ -166,7 +171,9 @@ def test_the_engine_of_a_missing_extension_is_named(announce):
 def test_a_file_of_a_missing_extension_says_which(announce, tmp_path, capsys, name, text, provider):
     announce("fall-kit", "engines={}")
     file = tmp_path / name
+
     file.write_text(text)
+
     for command in (["import", str(file)], ["check", str(file)]):
         assert run_command(command) == 2
         line = capsys.readouterr().err
@@ -176,6 +183,7 @@ def test_a_file_of_a_missing_extension_says_which(announce, tmp_path, capsys, na
 
 def test_a_format_of_a_missing_extension_says_which(announce, tmp_path, capsys):
     announce("fall-kit", "engines={}")
+
     assert run_command(["export", "box_on_floor", "--mjcf", str(tmp_path / "box.xml")]) == 2
     line = capsys.readouterr().err
     assert "the format mjcf needs the extension mujoco, which is not installed" in line
@@ -259,12 +267,15 @@ def test_a_file_importer_has_own_options_and_losses_give_four(
         "list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=FILE_IMPORTER.format(body=body)
     )
     (tmp_path / "my.lst").write_text("")
+
     (tmp_path / "arm.urdf").write_text("<robot/>")
+
     assert run_command(["import", "my.lst", "--colour", "blue", "--out", "there"]) == 4
     shown = capsys.readouterr()
     assert "colour blue, there" in shown.out
     assert "lost: a\nlost: b\n" in shown.err
     assert run_command(["import", "my.lst", "--allow-losses"]) == 0
+
     capsys.readouterr()
     for command, message in (
         (
@@ -299,7 +310,9 @@ def test_importers_of_equal_title_have_their_own_options(announce, tmp_path, mon
     coloured = FILE_IMPORTER.format(body="return ImportOutcome(lines=(request.options.colour,))")
     sized = coloured.replace("colour", "size").replace("red", "small")
     keys = {".lst": "list_kit.a:Lists", ".lis": "list_kit.b:Lists"}
+
     announce("list-kit", f"importers={keys}", a=coloured, b=sized)
+
     for name, option, other in (("my.lst", "--colour", "--size"), ("my.lis", "--size", "--colour")):
         (tmp_path / name).write_text("")
         assert run_command(["import", name, option, "new"]) == 0
@@ -331,7 +344,9 @@ def test_a_wrong_importer_is_one_line_about_its_package(
 ):
     monkeypatch.chdir(tmp_path)
     announce("list-kit", "importers={'.lst': 'list_kit.a:Lists'}", a=module)
+
     (tmp_path / "my.lst").write_text("")
+
     assert run_command(["import", "my.lst"]) == 2
     line = capsys.readouterr().err
     assert message in line
@@ -350,7 +365,9 @@ def test_a_wrong_importer_is_one_line_about_its_package(
 )
 def test_a_name_of_the_core_stays_the_cores(announce, capsys, point, name, described):
     announce("odd-kit", f"{point}={{'{name}': 'odd_kit.parts:Mine'}}")
+
     assert run_command(["extensions"]) == 0
+
     shown = " ".join(capsys.readouterr().out.split())
     assert f"broken: {described} already exists in simrob-drake; choose another name" in shown
     assert name not in additions(point)
@@ -386,13 +403,17 @@ def test_exporters_of_another_package_write_stations_and_programs(
     added = {
         name: f"text_kit.a:{name.capitalize()}" for name in ("names", "fails", "lacks", "counts")
     }
+
     announce("text-kit", f"exporters={added}", a=EXPORTERS)
+
     assert run_command(["export", "box_on_floor", "--names", "box.txt"]) == 0
     assert (tmp_path / "box.txt").read_text() == "box_on_floor"
+
     program = tmp_path / "two.yaml"
     program.write_text(
         "station: irb120_kinematic\nmoves: [{wait: {duration: 0.1}}, {wait: {duration: 0.1}}]\n"
     )
+
     assert run_command(["export", "two.yaml", "--counts", "two.out"]) == 0
     assert (tmp_path / "two.out").read_text() == "2 moves of two.yaml"
     assert "no speeds" in capsys.readouterr().out
@@ -476,7 +497,9 @@ def test_the_help_of_export_lists_the_formats_of_installed_extensions(announce, 
         "exporters={'names': 'text_kit.a:Names', 'lacks': 'text_kit.a:Lacks'}",
         a=EXPORTERS,
     )
+
     assert run_command(["export", "--help"]) == 0
+
     shown = " ".join(re.sub("[│╭╮╰╯─]", " ", capsys.readouterr().out).split())
     assert "--names FILE Names of axes, FILE.txt." in shown
     assert "Cannot be used: package text-kit, extension text_kit: text_kit.a:Lacks" in shown

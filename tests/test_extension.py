@@ -116,8 +116,10 @@ def problem_of(package):
 
 def test_a_sensor_of_another_package_is_a_kind_of_sensor(install):
     install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
+
     assert "warmth" in sensors.KINDS
     assert sensors.KINDS.model("warmth").__name__ == "Warmth"
+
     station = load_station("box_on_floor", {"sensors": {"warmth": {}}})
     assert type(station.sensors["warmth"]).__name__ == "Warmth"
 
@@ -162,6 +164,7 @@ def test_an_unknown_kind_lists_those_of_extensions_too(install):
 )
 def test_an_extension_that_cannot_be_used_is_left_out_with_the_reason(install, arguments, problem):
     install("odd-kit", arguments)
+
     assert problem in problem_of("odd-kit")
     assert "\n" not in problem_of("odd-kit")
     assert load_station("box_on_floor").name == "box_on_floor"  # all else works
@@ -186,7 +189,9 @@ def test_a_name_of_the_core_stays_the_cores_and_the_list_says_so(
     install, capsys, point, name, described
 ):
     install("odd-kit", f"core='>=0', {point}={{'{name}': 'odd_kit.parts:Mine'}}")
+
     assert run_command(["extensions"]) == 0
+
     shown = " ".join(capsys.readouterr().out.split())
     assert f"broken: {described} already exists in simrob-drake; choose another name" in shown
     assert name not in additions(point)
@@ -195,6 +200,7 @@ def test_a_name_of_the_core_stays_the_cores_and_the_list_says_so(
 def test_a_name_that_two_packages_have_names_both(install):
     install("a-kit", "core='>=0', sensors={'warmth': 'a_kit.parts:Warmth'}", parts=SENSOR)
     install("b-kit", "core='>=0', sensors={'warmth': 'b_kit.parts:Warmth'}", parts=SENSOR)
+
     assert problem_of("a-kit") == ""
     assert (
         problem_of("b-kit")
@@ -243,13 +249,16 @@ def test_a_station_names_the_packages_that_it_needs(install):
 def test_the_command_lists_them_and_checks_what_they_add(install, capsys):
     assert run_command(["extensions"]) == 0
     assert "no extensions are installed" in capsys.readouterr().out
+
     install("warm-kit", "core='>=0', sensors={'warmth': 'warm_kit.parts:Warmth'}", parts=SENSOR)
     assert run_command(["extensions", "--check"]) == 0
     assert "sensors: warmth" in capsys.readouterr().out
+
     install("odd-kit", "core='>=0', robots={'a': 'odd_kit:robots'}, moves={'b': 'odd_kit.b:B'}")
     assert run_command(["extensions"]) == 0
     assert "broken" not in capsys.readouterr().out  # nothing is imported for a list
     assert run_command(["extensions", "--check"]) == 2
+
     shown = " ".join(capsys.readouterr().out.split())
     assert (
         "broken: package odd-kit, extension odd_kit: the folder odd_kit:robots does not exist"
@@ -264,8 +273,11 @@ def test_data_of_the_wrong_kind_are_not_called_missing(install, tmp_path, capsys
         "core='>=0', robots={'a': 'odd_kit:data.txt'}, other_files={'b': 'odd_kit:folder'}",
     )
     (tmp_path / "odd_kit" / "data.txt").write_text("")
+
     (tmp_path / "odd_kit" / "folder").mkdir()
+
     assert run_command(["extensions", "--check"]) == 2
+
     shown = " ".join(capsys.readouterr().out.split())
     assert "odd_kit:data.txt is a file; it must be a folder" in shown
     assert "odd_kit:folder is a folder; it must be a file" in shown
@@ -292,12 +304,15 @@ def test_a_move_and_a_gait_that_cannot_be_imported_are_blamed_on_their_package(
         "odd-kit",
         "core='>=0', moves={'hover': 'odd_kit.gone:Hover'}, gaits={'hovers': 'odd_kit.gone:Hover'}",
     )
+
     with pytest.raises(
         BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"
     ):
         check_move({"hover": {"height": 1}})
+
     file = GaitsFile(Path("gaits.yaml"), 0.0, {"facing_deg": 0, "hovers": {"high": {}}})
     monkeypatch.setattr(gaits, "gaits_file", lambda _: file)
+
     with pytest.raises(
         BrokenExtension, match=r"extension odd_kit: odd_kit.gone:Hover cannot be imported"
     ):
@@ -317,7 +332,9 @@ def test_a_robot_whose_name_is_taken_is_reported_and_the_cores_is_used(install, 
         folder = tmp_path / "odd_kit" / "robots" / name
         folder.mkdir(parents=True)
         (folder / "robot.yaml").write_text("description: mine")
+
     assert run_command(["extensions"]) == 0
+
     shown = " ".join(capsys.readouterr().out.split())
     assert "broken: 'irb120' of its robots cannot be used: another one has this name" in shown
     assert robot_files()["irb120"].is_relative_to(models_root())
@@ -327,6 +344,7 @@ def test_a_robot_whose_name_is_taken_is_reported_and_the_cores_is_used(install, 
 
 def test_a_folder_in_a_package_that_is_missing_is_no_folder(install, capsys):
     install("odd-kit", "core='>=0', stations={'a': 'nothing.like_it:stations'}")
+
     assert load_station("box_on_floor").name == "box_on_floor"
     assert run_command(["extensions", "--check"]) == 2
     assert "the folder nothing.like_it:stations does not exist" in " ".join(
@@ -351,9 +369,12 @@ def test_a_measure_of_an_extension_is_judged_by_its_own_bound_or_that_of_the_sta
         "wobble-kit", "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}", verdict=WOBBLE
     )
     station = load_station("box_on_floor", {"duration": 0.1})
+
     measure = simulate(station, progress=False).verdict["wobble"]
+
     assert measure.worst.subject == "box"
     assert measure.worst.bound == 1e-9
+
     bounded = simulate(
         load_station("box_on_floor", {"duration": 0.1, "verdict.wobble": 0.05}), progress=False
     )
@@ -375,10 +396,13 @@ def test_a_measure_of_an_extension_has_words_in_other_languages(install, tmp_pat
     (folder / "es.yaml").write_text(
         "wobble_kit.title_wobble: oscilación\nwobble_kit.beyond_wobble: '{of} osciló {value}'\n"
     )
+
     verdict = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False).verdict
+
     assert messages.in_language(verdict["wobble"].criterion.title_message, "es") == "oscilación"
     assert messages.in_language(verdict["wobble"].warning, "es").startswith("box osciló ")
     assert messages.in_language(verdict["wobble"].warning, "en").startswith("box wobbled by ")
+
     messages._catalogue_file.cache_clear()
 
 
@@ -410,6 +434,7 @@ def test_a_broken_measure_warns_and_the_others_judge(install, content, warning):
         "core='>=0', measures={'wobble': 'wobble_kit.verdict:WOBBLE'}",
         verdict=content,
     )
+
     with pytest.warns(ExtensionWarning, match=re.escape(warning)):
         verdict = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False).verdict
     assert "penetration" in {measure.criterion.name for measure in verdict.measures}
@@ -433,7 +458,9 @@ def test_plots_of_an_extension_are_saved_with_those_of_the_run(install, tmp_path
     added = "{'height': 'plot_kit.plots:height', 'nothing': 'plot_kit.plots:nothing'}"
     install("plot-kit", f"core='>=0', plots={added}", plots=PLOTS)
     result = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False)
+
     written = [file.name for file in save_plots(result, tmp_path / "plots", "svg")]
+
     assert written[-1] == "height.svg"
     assert "nothing.svg" not in written
     assert "height of the box" in (tmp_path / "plots/height.svg").read_text()
@@ -458,6 +485,7 @@ def test_plots_of_an_extension_are_saved_with_those_of_the_run(install, tmp_path
 def test_a_broken_plot_warns_and_the_others_are_saved(install, tmp_path, name, target, warning):
     install("plot-kit", f"core='>=0', plots={{'{name}': '{target}'}}", plots=PLOTS)
     result = simulate(load_station("box_on_floor", {"duration": 0.1}), progress=False)
+
     with pytest.warns(ExtensionWarning, match=re.escape(warning)):
         written = save_plots(result, tmp_path / "plots", "svg")
     assert [file.name for file in written] == ["piece_box.svg", "sensors.svg"]
@@ -471,11 +499,13 @@ def test_two_extensions_of_one_package_have_a_row_each(install, capsys):
         parts=SENSOR,
     )
     install("cold-kit", "core='>=99'", package="kits")
+
     assert [(found.name, found.package) for found in installed_extensions()] == [
         ("cold_kit", "kits"),
         ("warm_kit", "kits"),
     ]
     assert run_command(["extensions"]) == 0
+
     shown = " ".join(capsys.readouterr().out.split())
     assert (
         "cold_kit kits 1.0 left out: it needs simrob_drake >=99, but version 0.1.0 is installed"
@@ -492,6 +522,7 @@ def test_a_station_may_name_one_extension_of_a_package(install):
         parts=SENSOR,
     )
     install("cold-kit", "core='>=99'", package="kits")
+
     assert load_station(
         "box_on_floor", {"extensions": ["warm_kit"], "sensors": {"warmth": {}}}
     ).sensors
@@ -518,6 +549,7 @@ def test_no_other_package_takes_a_name_of_ours(install):
         package=DISTRIBUTION,
         commands=COMMAND,
     )
+
     assert problem_of(DISTRIBUTION) == ""
     assert (
         problem_of("a-kit")
@@ -530,7 +562,9 @@ def test_a_name_of_an_extension_stands_for_one_extension(install, tmp_path):
     install("other-kit", "core='>=0'", package="c-kits")
     entry = tmp_path / "other_kit-1.0.dist-info" / "entry_points.txt"
     entry.write_text("[simrob_drake.extensions]\nwarm_kit = other_kit:EXTENSION\n")
+
     installed_extensions.cache_clear()
+
     assert problem_of("c-kits") == "package b-kits already has an extension of this name"
 
 
@@ -543,15 +577,19 @@ def test_versions_of_our_own_extensions_are_not_compared():
     shown = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     ).stdout
+
     packages, is_loaded = shown.rsplit(maxsplit=1)
+
     assert is_loaded == str(packages != "{'simrob-drake'}")
 
 
 def test_an_extension_is_left_out_where_one_that_it_needs_is_missing(install):
     install("a-kit", "core='>=0', needs=['b_kit']")
     install("b-kit", "core='>=0', needs=['c_kit']")
+
     assert problem_of("b-kit") == "it needs the extension c_kit, which is not installed"
     assert problem_of("a-kit") == "it needs the extension b_kit, which is left out"
+
     install("c-kit", "core='>=0'")
     assert [found.problem for found in installed_extensions()] == ["", "", ""]
 
@@ -559,12 +597,15 @@ def test_an_extension_is_left_out_where_one_that_it_needs_is_missing(install):
 def test_a_conflict_of_names_leaves_those_out_that_need_the_extension(install):
     install("a-kit", "core='>=0', sensors={'warmth': 'a_kit.parts:Warmth'}", parts=SENSOR)
     install("b-kit", "core='>=0', sensors={'warmth': 'b_kit.parts:Warmth'}", parts=SENSOR)
+
     install("c-kit", "core='>=0', needs=['b_kit']")
+
     assert problem_of("c-kit") == "it needs the extension b_kit, which is left out"
 
 
 def test_a_function_that_needs_another_extension_says_so(install):
     install("cold-kit", "core='>=99'")
+
     with pytest.raises(
         MissingExtension, match=r"^simrob warm needs the extension hot_kit, which is not installed$"
     ):
@@ -574,6 +615,7 @@ def test_a_function_that_needs_another_extension_says_so(install):
         match="needs the extension cold_kit, which is left out: it needs simrob",
     ):
         import_with_needed("cold_kit")
+
     install("hot-kit", "core='>=0'")
     import_with_needed("hot_kit")
 
@@ -617,10 +659,14 @@ def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(inst
         print("kit" * times)
     '''
     announced = "{'kit': 'odd_kit.commands:kit', 'kit show': 'odd_kit.commands:show'}"
+
     install("odd-kit", f"core='>=0', title='Kits', commands={announced}", commands=commands)
+
     assert run_command(["--help"]) == 0
+
     shown = capsys.readouterr().out
     titles = re.findall(r"^╭─ ([\w ]+) ─", shown, re.MULTILINE)
+
     assert titles[-2:] == ["Kits", "Extensions"]
     assert "Do things with kits." in shown
     assert "Show a kit." not in shown
@@ -633,6 +679,7 @@ def test_an_extension_has_commands_below_a_command_under_a_title_of_its_own(inst
 def test_a_command_that_cannot_be_imported_is_blamed_on_its_extension(install, capsys):
     install("odd-kit", "core='>=0', commands={'warm': 'odd_kit.gone:warm'}")
     load_command(["warm"])  # the problem is reported when the command is run
+
     assert run_command(["warm"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith(
@@ -651,7 +698,9 @@ def test_a_package_above_a_command_that_raises_anything_does_not_end_the_help(
     tools.mkdir()
     (tools / "__init__.py").write_text(broken)
     (tools / "commands.py").write_text("def warm(): ...")
+
     load_command(["warm"])
+
     assert run_command(["--help"]) == 0
     assert "A command of odd-kit, which cannot be read" in capsys.readouterr().out
     assert run_command(["warm"]) == 2
@@ -660,6 +709,7 @@ def test_a_package_above_a_command_that_raises_anything_does_not_end_the_help(
 
 def test_an_unknown_command_may_be_one_of_an_extension_that_is_left_out(install, capsys):
     install("odd-kit", "core='>=99', commands={'warm': 'odd_kit.commands:warm'}")
+
     assert run_command(["warm"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("simrob: there is no command 'warm'; known: act, check, ")
@@ -675,9 +725,12 @@ def test_an_extension_says_what_takes_its_files(install, tmp_path, capsys):
         "keys: [[[warmth], 'a kit: simrob warm {file}']]\nendings: {.kit: 'a kit: {name}'}"
     )
     kit = tmp_path / "kit.yaml"
+
     kit.write_text("warmth: 3")
+
     assert run_command(["check", str(kit)]) == 2
     assert f"{kit}: is not a station, but a kit: simrob warm {kit}\n" in capsys.readouterr().err
+
     (tmp_path / "a.kit").write_text("")
     assert run_command(["run", str(tmp_path / "a.kit")]) == 2
     assert "a.kit: is not a station, but a kit: a.kit\n" in capsys.readouterr().err
@@ -698,10 +751,13 @@ def test_descriptions_of_files_that_cannot_be_read_disturb_nothing(
     install("odd-kit", "core='>=0', other_files={'odd': 'odd_kit:other_files.yaml'}")
     if text is not None:
         (tmp_path / "odd_kit" / "other_files.yaml").write_text(text)
+
     (tmp_path / "kit.yaml").write_text("warmth: 3")
+
     assert run_command(["check", str(tmp_path / "kit.yaml")]) == 2
     assert "warmth: unknown key" in capsys.readouterr().err
     assert run_command(["extensions", "--check"]) == 2
+
     shown = "".join(capsys.readouterr().out.split())  # a long path goes on in the next line
     assert problem.replace(" ", "") in shown
 
@@ -715,17 +771,22 @@ def test_an_extension_has_messages_in_other_languages(install, tmp_path, capsys)
     folder = tmp_path / "warm_kit" / "languages"
     folder.mkdir()
     (folder / "es.yaml").write_text("warm.too_hot: demasiado caliente ({celsius:.1f} °C)")
+
     hot = messages.message("warm.too_hot", "too hot ({celsius:.1f} deg C)", celsius=80.25)
+
     assert messages.in_language(hot, "es") == "demasiado caliente (80,2 °C)"
     assert "robots" not in additions("messages")  # ids of the core are the core's
     assert run_command(["extensions", "--check"]) == 2
     assert "folder of messages 'robots' already exists in simrob-drake" in " ".join(
         capsys.readouterr().out.split()
     )
+
     install("hot-kit", "core='>=0', messages={'warm': 'hot_kit:languages'}")
     left_out = next(found for found in installed_extensions() if found.name == "warm_kit")
+
     assert (
         left_out.problem
         == "the folder of messages 'warm' already belongs to package hot-kit, extension hot_kit"
     )
+
     messages._catalogue_file.cache_clear()

@@ -142,6 +142,7 @@ def test_its_remarks_are_in_the_summary(spinning):
         progress=False,
     )
     (remark,) = remarks_of(result)
+
     assert remark.startswith("spin turns faster than 0.1 rad/s: 0.2")
     assert summary_of(result, result.verdict)["remarks"] == [remark]
 
@@ -149,7 +150,9 @@ def test_its_remarks_are_in_the_summary(spinning):
 def test_a_program_drives_it(spinning):
     drive = {"commands": ((0.0, 0.3, 0.0, 10.0),)}
     timeline = Timeline(changes=[Change(time=0.1, drive=drive)])
+
     driver = timeline.walk_drivers(spinning)["spin"]
+
     assert driver(0.05) is None
     assert driver(0.2) == (pytest.approx(np.deg2rad(10.0)),)
 

@@ -94,12 +94,17 @@ def test_a_humanoid_in_the_air_moves_its_legs_and_keeps_its_momentum(
     closed, root, context = spinning(config)
     plant = closed.ports.plant.plant
     before = momentum(plant, context)
+
     result = simulate_diagram(closed.diagram, closed.ports, context=root, progress=False)
+
     assert np.ptp(result["q.left_knee"]) > 0.6
+
     positions, velocities = result.final_state.of_plant(result.plant)
     plant.SetPositions(context, positions)
     plant.SetVelocities(context, velocities)
+
     fall, linear, angular = lost(before, momentum(plant, context), plant.CalcTotalMass(context))
+
     assert max(linear, angular) < 1e-3
     assert fall < 2e-3
 
@@ -115,7 +120,9 @@ def test_finer_steps_of_the_scheme_itself_lose_less(accuracy: float, step: float
     context = plant.GetMyContextFromRoot(simulator.get_context())
     before = momentum(plant, context)
     simulator.AdvanceTo(DURATION)
+
     _, linear, angular = lost(before, momentum(plant, context), plant.CalcTotalMass(context))
+
     assert linear < 2e-4
     assert angular < 1e-3
 
@@ -132,6 +139,7 @@ def flight_and_landing(**solver: Any) -> SimulationResult:
 
 def test_it_falls_as_a_stone_and_lands() -> None:
     shipped, fine = flight_and_landing(), flight_and_landing(accuracy=1e-5, max_step=0.002)
+
     flying = shipped.times < np.sqrt(2 * 0.104 / 9.80665)
     fall = 0.55 - 9.80665 * shipped.times**2 / 2
     np.testing.assert_allclose(shipped["base.z"][flying], fall[flying], atol=5e-4)
@@ -143,6 +151,7 @@ def test_pieces_fly_beside_a_robot_that_stands() -> None:
     result = simulate(
         load_station("humanoid_dynamic", {"pieces": pieces}), duration=0.3, progress=False
     )
+
     np.testing.assert_allclose(
         result.piece_pose("weight")[:, 2], 1 - 9.80665 * result.times**2 / 2, atol=1e-3
     )
@@ -153,15 +162,20 @@ def test_a_run_goes_on_after_a_push_in_flight() -> None:
     """Before and after it, another diagram is stepped; the push adds its impulse, and nothing else does."""
     push = {"kind": "push", "start": 0.2, "duration": 0.1, "force": [2.0, 0.0, 0.0]}
     config = load_station("humanoid_dynamic", {**IN_THE_AIR, "forces": {"shove": push}})
+
     result = simulate(config, progress=False)
+
     assert result.ending == "completed"
+
     plant = result.plant.plant
     context = plant.CreateDefaultContext()
     positions, velocities = result.final_state.of_plant(result.plant)
     plant.SetPositions(context, positions)
     plant.SetVelocities(context, velocities)
     _, linear, _ = momentum(plant, context)
+
     weight = plant.CalcTotalMass(context) * GRAVITY * DURATION
+
     # pushed along the trunk, which turns
     assert np.linalg.norm(linear - weight) == pytest.approx(0.2, rel=0.02)
 

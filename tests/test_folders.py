@@ -36,6 +36,7 @@ def test_a_folder_appears_whole_with_the_permissions_that_the_user_wants(tmp_pat
         fill(tmp_path / "runs" / "new", "1")
     finally:
         os.umask(before)
+
     assert (tmp_path / "runs" / "new").stat().st_mode & 0o777 == 0o750
     assert [path.name for path in tmp_path.rglob("*")] == ["runs", "new", MARKER]
 
@@ -43,6 +44,7 @@ def test_a_folder_appears_whole_with_the_permissions_that_the_user_wants(tmp_pat
 @pytest.mark.parametrize("manager", [replaced_at_once, partial(filled_at_once, marker=MARKER)])
 def test_an_error_names_the_target_in_other_languages_too(tmp_path, manager):
     target = tmp_path / "out"
+
     with pytest.raises(OutputError) as raised, manager(target) as work, writing(work):
         raise OSError(28, "No space left on device")
     assert raised.value.message == f"{target} cannot be written: No space left on device"
@@ -51,6 +53,7 @@ def test_an_error_names_the_target_in_other_languages_too(tmp_path, manager):
 
 def test_the_second_of_two_with_one_name_does_not_erase_the_first(tmp_path):
     folder = tmp_path / "out"
+
     with pytest.raises(OutputError, match=r"out exists already; .*--force"):
         fill(folder, "second", meanwhile=lambda: fill(folder, "first"))
     assert (folder / MARKER).read_text() == "first"
@@ -141,10 +144,14 @@ def test_what_a_killed_process_left_goes_with_the_next_save(tmp_path, monkeypatc
     for folder in users[:2]:
         folder.mkdir()
     users[2].write_text("a file")
+
     fill(tmp_path / "young", "1")
+
     assert left.exists()  # it may be at work
+
     monkeypatch.setattr(folders, "_LOCKING_TIME", -1.0)
     fill(tmp_path / "second", "2")
+
     assert {path.name for path in tmp_path.iterdir()} == {
         "young",
         "second",
@@ -162,13 +169,16 @@ def test_an_old_result_that_was_put_aside_is_not_deleted(tmp_path, monkeypatch):
     monkeypatch.setattr(folders, "_LOCKING_TIME", -1.0)
     aside = tmp_path / ".out-abc.simrob-part" / "before"
     aside.mkdir(parents=True)
+
     fill(tmp_path / "out", "new")
+
     assert aside.is_dir()
 
 
 def test_an_error_names_what_the_user_gave(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     folder = Path("runs", "r")
+
     with (
         pytest.raises(OutputError) as raised,
         filled_at_once(folder, marker=MARKER) as work,
@@ -208,8 +218,11 @@ def test_a_file_is_replaced_when_it_is_whole(tmp_path):
 def test_entries_of_a_cache_go_when_nobody_asked_for_them_in_ninety_days(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
     names = [b"used", b"forgotten", b"young"]
+
     entries = {name: cache_entry("robots", made_of=[name], made_by=[]) for name in names}
+
     assert len(set(entries.values())) == 3
+
     for name, days in zip(names, (100, 100, 80), strict=True):
         fill(entries[name], "a robot")
         os.utime(entries[name], times=(time.time() - days * 86400,) * 2)

@@ -54,6 +54,7 @@ def protected(duration=None, **overrides):
 )
 def test_the_tool_presses_with_10_N_at_rest_and_while_it_wipes_at_50_mm_s(changed):
     result, force, speed = press(4.5, **changed)
+
     # at rest, as it gathers speed, and while it wipes
     assert force[result.times > 2.2] == pytest.approx(10, abs=0.5)
     assert speed[(result.times > 3.1) & (result.times < 4.45)] == pytest.approx(0.05, abs=1.5e-3)
@@ -63,21 +64,25 @@ def test_the_tool_presses_with_10_N_at_rest_and_while_it_wipes_at_50_mm_s(change
 @pytest.mark.long
 def test_it_does_so_under_another_scheme_and_the_board_gives_way_as_its_stiffness_says():
     result, force, _ = press(3.2, **RADAU)
+
     breaks_loose = (result.times > 2.55) & (result.times < 2.75)  # friction at rest lets go
     assert force[(result.times > 2.2) & ~breaks_loose] == pytest.approx(10, abs=0.5)
     assert force[breaks_loose] == pytest.approx(10, abs=0.8)
+
     depths = []
     for stiffness in (1e5, 1000.0):
         still, force, _ = press(
             4.0, **{"reference.kind": "hold", "pieces.board.contact.stiffness": stiffness}
         )
         depths.append(0.032 - still["tcp.z"][-1])  # the board's top is at 22 mm, the tip has 10 mm
+
     assert depths == pytest.approx([10 / 1e5, 10 / (2 / (1 / 1e5 + 1 / 1000))], rel=0.03)
 
 
 @pytest.mark.long
 def test_the_arm_gives_way_where_it_meets_a_box_and_stops_instead_of_pushing_for_ever():
     alone = protected(2.2, **{"controllers": {}})
+
     assert alone["tau.joint_2"][-1] == pytest.approx(150)  # at saturation, to the end
     assert alone["force.touch.z"][-1] > 400
     for changed in (
@@ -107,7 +112,9 @@ def test_a_box_that_is_left_lets_the_arm_come_back_to_its_reference():
         "reference": {"kind": "sequence", "targets": targets},
         "controllers.protection.reset_after": 0.3,
     }
+
     result = protected(6.0, **way)
+
     assert {2, 3} <= set(result["protection.stage"])
     assert result["protection.stage"][-1] == 0
     assert result["q_ref.joint_3"][-1] == pytest.approx(np.deg2rad(up[2]))
@@ -120,10 +127,12 @@ def test_a_force_of_a_body_region_stops_it_and_may_end_the_run():
         "controllers.protection.force": "hands_and_fingers",
     }
     result, plain = protected(2.0, **hand), protected(2.0)
+
     stops = [run.times[np.argmax(run["protection.stage"] == 3)] for run in (result, plain)]
     begins = result.times[np.argmax(result["force.touch.z"] > 140)]
     assert stops[0] - begins == pytest.approx(0.1, abs=0.025)
     assert stops[0] < stops[1] - 0.3
+
     ended = protected(2.0, **hand, **{"controllers.protection.then": "end"})
     assert (ended.ending, ended.stopped_by) == ("monitor", "protection")
     assert "the force was above 140 N" in ended.message
@@ -138,8 +147,10 @@ def test_a_warm_motor_is_held_at_what_it_may_give_for_ever():
     # theta' = r^2 - theta, by the trapezoidal rule
     steps = np.diff(times) * (ratio[:-1] + ratio[1:]) / 2
     expected = [0.0]
+
     for step, length in zip(steps, np.diff(times), strict=True):
         expected.append(expected[-1] * np.exp(-length) + step * np.exp(-length / 2))
+
     assert heat == pytest.approx(np.array(expected), abs=0.08)
     assert heat.max() < 1.15
     assert torque[-100:] == pytest.approx(30, abs=3)
@@ -149,10 +160,14 @@ def test_a_warm_motor_is_held_at_what_it_may_give_for_ever():
 def test_a_run_goes_on_while_an_axis_gives_way_to_the_last_bit():
     deep = {"kind": "hold", "target_deg": [0, 31.469, 14.9, 0, 43.631, 0]}
     config = load_station("irb120_motor_protection", {**SAP_LIKE, "reference": deep})
+
     first = simulate(config, duration=0.5, progress=False)
+
     assert first["protection.stage"][-1] == 2
+
     second = simulate(config, duration=0.5, start=first.final_state, progress=False)
     whole = simulate(config, duration=1.0, progress=False)
+
     assert (second.values[-1] == whole.values[-1]).all()
     assert second["protection.stage"][-1] == 3
 
@@ -233,7 +248,9 @@ def test_protection_lies_above_a_force_that_is_too_large():
         "priority": 1,
     }
     asked = {"controllers.press.force": 200, "reference.kind": "hold"}
+
     result, force, _ = press(3.5, **{**asked, "controllers.guard": above})
+
     assert result["guard.stage"][-1] == 3
     assert 140 < force.max() < 200
     assert force[-1] < 25

@@ -75,7 +75,9 @@ def test_the_warning_names_the_line_of_the_import(tmp_path):
     script = tmp_path / "script.py"
     script.write_text("\n\nfrom simrob_drake.errors import SimrobError\n")
     command = [sys.executable, "-W", "always", str(script)]
+
     shown = subprocess.run(command, capture_output=True, text=True, check=True).stderr
+
     assert (
         "script.py:3: DeprecationWarning: simrob_drake.errors is now simrob_drake.base.errors"
         in shown

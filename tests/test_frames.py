@@ -36,11 +36,13 @@ def random_poses(count: int) -> list[np.ndarray]:
 def test_a_pose_turns_about_z_then_the_new_y_then_the_new_x() -> None:
     x, y, z, about_z, about_y, about_x = 0.1, -0.2, 0.3, 0.7, -0.4, 1.9
     transform = transform_from_pose([x, y, z, about_z, about_y, about_x])
+
     expected = (
         RotationMatrix.MakeZRotation(about_z)
         @ RotationMatrix.MakeYRotation(about_y)
         @ RotationMatrix.MakeXRotation(about_x)
     )
+
     np.testing.assert_allclose(transform.rotation().matrix(), expected.matrix(), atol=1e-15)
     np.testing.assert_array_equal(transform.translation(), [x, y, z])
 
@@ -77,6 +79,7 @@ def test_near_the_gimbal_lock_the_rotation_survives_too(away: float) -> None:
 def test_a_transform_survives_the_way_through_a_quaternion(pose: np.ndarray) -> None:
     transform = transform_from_pose(pose)
     values = xyz_quaternion_from_transform(transform)
+
     assert values[3] >= 0
     np.testing.assert_allclose(
         transform_from_xyz_quaternion(values).GetAsMatrix4(), transform.GetAsMatrix4(), atol=1e-14
@@ -131,6 +134,7 @@ def test_what_is_no_array_of_numbers_is_no_pose(
 def test_all_forms_of_a_pose_are_one() -> None:
     pose = [0.1, -0.2, 0.3, 0.7, -0.4, 1.9]
     transform = transform_from_pose(pose)
+
     for form in (
         pose,
         np.array(pose),
@@ -188,7 +192,9 @@ class TestThreePoints:
 
     def test_the_inclined_table_has_its_published_frame(self) -> None:
         frame = three_point_frame(self.x1, self.x2, self.y1)
+
         np.testing.assert_allclose(frame.translation(), [0.4, 0.133, 0], atol=5e-6)
+
         published = [[-0.5, -0.8660, 0], [0.8365, -0.4830, 0.2588], [-0.2241, 0.1294, 0.9659]]
         # printed with four decimals
         np.testing.assert_allclose(frame.rotation().matrix().T, published, atol=5e-5)
@@ -199,9 +205,11 @@ class TestThreePoints:
     def test_the_origin_is_where_the_way_to_y1_is_shortest(self) -> None:
         x1, x2, y1 = np.random.default_rng(2).normal(size=(3, 3))
         frame = three_point_frame(x1, x2, y1)
+
         parts = np.linspace(-3, 3, 600_001)[:, np.newaxis]
         way = np.linalg.norm((1 - parts) * x1 + parts * x2 - y1, axis=1)  # SimRob's search for it
         assert np.linalg.norm(frame.translation() - y1) == pytest.approx(way.min(), abs=1e-9)
+
         seen = frame.inverse() @ np.column_stack([x1, x2, y1])
         np.testing.assert_allclose(seen[1:, :2], 0, atol=1e-12)  # x1 and x2 on the x axis
         np.testing.assert_allclose(seen[[0, 2], 2], 0, atol=1e-12)

@@ -25,8 +25,10 @@ def test_the_page_is_up_to_date():
 @pytest.mark.parametrize("station", station_names())
 def test_a_station_has_a_small_picture_and_a_command(station):
     picture = ROOT / "docs" / "gallery" / f"{station}.png"
+
     assert picture.read_bytes().startswith(b"\x89PNG")
     assert picture.stat().st_size < 60_000
+
     command = GALLERY["command"](station)
     assert command.startswith("simrob") or (ROOT / command.split()[1]).is_file()
 
@@ -43,18 +45,23 @@ def test_the_pictures_are_those_of_the_stations():
 @pytest.mark.parametrize("station", GALLERY["CLIPS"])
 def test_a_clip_is_short_small_and_begins_again(station):
     file = ROOT / "docs" / "gallery" / f"{station}.webp"
+
     assert file.stat().st_size < 400_000
+
     clip = Image.open(file)
     assert clip.size == GALLERY["CLIP"]
     assert clip.info["loop"] == 0  # for ever
     assert 10 < clip.n_frames <= GALLERY["MOST_FRAMES"]
+
     first = np.asarray(clip.convert("RGB"), dtype=int)
     clip.seek(clip.n_frames // 2)
+
     assert np.abs(np.asarray(clip.convert("RGB"), dtype=int) - first).max() > 100  # something moves
 
 
 def test_there_are_twelve_clips_and_both_front_pages_show_four():
     assert len(GALLERY["CLIPS"]) == 12
+
     shown = {
         page: re.findall(r"docs/gallery/(\w+)\.webp", PAGES[page])
         for page in ("README.md", "README.es.md")
@@ -87,8 +94,11 @@ def test_a_robot_has_a_small_portrait(robot):
 def test_a_picture_shows_what_its_command_does(monkeypatch, tmp_path):
     monkeypatch.setitem(GALLERY["save_pictures"].__globals__, "DOCS", tmp_path)
     (tmp_path / "gallery").mkdir()
+
     (run,) = GALLERY["shown"]("irb120_on_belt")
+
     assert run["q.belt"][-1] == pytest.approx(0.9)
+
     (picture,) = GALLERY["save_pictures"]("irb120_on_belt")
     assert picture.stat().st_size < 60_000
 
@@ -97,6 +107,8 @@ def test_a_picture_shows_what_its_command_does(monkeypatch, tmp_path):
 def test_a_walk_is_one_picture_with_the_robot_at_several_places_from_left_to_right():
     motion = walk("zjudancer", 6)
     run = simulate(motion.station(), reference=motion.trajectory(), progress=False)
+
     picture = np.asarray(GALLERY["walk_picture"](run, height=60).convert("RGB"), dtype=int)[:60]
+
     blue = (picture[..., 2] > picture[..., 0] + 60).any(axis=0)  # the robot is
     assert np.ptp(np.flatnonzero(blue)) > 0.4 * picture.shape[1]

@@ -35,6 +35,7 @@ def gripper_station():
 
 def test_ports_have_the_names_and_sizes_of_manipulation(config):
     station = build_hardware_station(config)
+
     for robot in ("left", "right"):
         sizes = {port: station.GetOutputPort(f"{robot}.{port}").size() for port in PORTS}
         assert sizes == {**dict.fromkeys(PORTS, 6), "state_estimated": 12}
@@ -44,6 +45,7 @@ def test_ports_have_the_names_and_sizes_of_manipulation(config):
         assert station.HasOutputPort(name)
     assert station.HasInputPort("applied_spatial_force")
     assert station.get_name() == "station"
+
     plant = station.GetSubsystemByName("plant")
     assert plant.num_positions(plant.GetModelInstanceByName("left")) == 6
 
@@ -55,21 +57,26 @@ def test_positions_are_commanded_and_measured():
     plant = station.GetSubsystemByName("plant")
     plant_context = plant.GetMyContextFromRoot(context)
     posture = np.array([-0.5, 0.1, 0.2, -0.3, 0.4, 0.5])
+
     plant.SetPositions(plant_context, plant.GetModelInstanceByName("left"), posture)
+
     np.testing.assert_allclose(
         station.GetOutputPort("left.position_measured").Eval(context), posture
     )
     np.testing.assert_allclose(
         station.GetOutputPort("left.state_estimated").Eval(context), [*posture, *np.zeros(6)]
     )
+
     station.GetInputPort("left.position").FixValue(context, posture)
     np.testing.assert_allclose(
         station.GetOutputPort("left.position_commanded").Eval(context), posture
     )
+
     torques = []
     for feedforward in (np.zeros(6), np.linspace(0.1, 0.6, 6)):
         station.GetInputPort("left.torque").FixValue(context, feedforward)
         torques.append(station.GetOutputPort("left.torque_commanded").Eval(context))
+
     np.testing.assert_allclose(torques[1] - torques[0], np.linspace(0.1, 0.6, 6), atol=1e-12)
 
 
@@ -87,7 +94,9 @@ def test_it_moves_as_the_station(config):
     expected = simulate(
         config, reference={"left": table, "right": table}, duration=0.2, progress=False
     )
+
     measured = station.GetOutputPort("left.position_measured").Eval(context)
+
     np.testing.assert_allclose(measured, expected.axes("q", "left")[-1], atol=1e-12)
 
 
@@ -96,7 +105,9 @@ def test_a_gripper_opens_by_one_number():
     simulator = Simulator(station)
     context = simulator.get_mutable_context()
     arm = np.array([0, 0, 0, 0, np.deg2rad(90), 0])
+
     station.GetInputPort("robot.position").FixValue(context, arm)
+
     for opening in (0.04, 0.01):
         station.GetInputPort("wsg.position").FixValue(context, [opening])
         simulator.AdvanceTo(context.get_time() + 0.5)

@@ -68,6 +68,7 @@ def test_what_looks_into_files_does_not_wait_for_a_pipe(odd: Path) -> None:
 def test_a_file_is_read_to_its_last_byte_and_no_further(tmp_path: Path) -> None:
     file = tmp_path / "a.txt"
     file.write_bytes(b"\xef\xbb\xbfa\r\nb\rc\n")
+
     assert text_of(file, 10) == "a\nb\nc\n"
     with pytest.raises(TooLarge, match="larger than"):
         text_of(file, 9)
@@ -211,8 +212,10 @@ def test_a_start_that_is_nested_without_end_is_refused(tmp_path: Path) -> None:
 def test_a_binary_stl_that_counts_too_few_faces_is_refused(tmp_path: Path) -> None:
     data = mesh("stl")
     (tmp_path / "a.stl").write_bytes(data[:80] + b"\x03\0\0\0" + data[84:])
+
     with pytest.raises(UnreadableMesh, match="declares 3 faces, but contains 80"):
         read_mesh(tmp_path / "a.stl", {})
+
     (tmp_path / "a.stl").write_bytes(data + b"\0" * 50)  # padding
     assert len(read_mesh(tmp_path / "a.stl", {}).parts[0].faces) == 80
 
@@ -237,15 +240,19 @@ def test_faces_at_a_corner_that_is_no_number_are_told(tmp_path: Path) -> None:
 def test_an_obj_that_is_its_own_library_ends(tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("mtllib a.obj\nmtllib b.obj\n")
     (tmp_path / "b.obj").write_text("mtllib a.obj\n")
+
     places = MeshPlaces(tmp_path / "arm.urdf")
+
     assert set(places.needed_by(tmp_path / "a.obj")[0]) == {"a.obj", "b.obj"}
 
 
 def test_comments_without_an_end_take_no_time(tmp_path: Path) -> None:
     # was above two minutes
     (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 1_000_000)
+
     with pytest.raises(SimrobError, match="has more than 300000 tags"):
         read_source(tmp_path / "a.urdf", ImportReport(tmp_path / "a.urdf"))
+
     (tmp_path / "a.urdf").write_text("<robot><!-- a -- b -->" + "<!--" * 250_000)
     with pytest.raises(SimrobError, match="is not XML"):
         read_source(tmp_path / "a.urdf", ImportReport(tmp_path / "a.urdf"))
@@ -259,7 +266,9 @@ def test_an_empty_report_in_the_cache_is_made_anew(
     options = ImportOptions(base="floating")
     robot = robot_from_file(source, options)
     told = import_summary(robot)
+
     (robot.folder / REPORT_FILE).write_text("")
+
     assert import_summary(robot) == ""
     assert import_summary(robot_from_file(source, options)) == told != ""
 
@@ -284,8 +293,11 @@ def test_a_working_folder_that_is_gone_and_names_of_no_text_are_told(
     assert capsys.readouterr().err.startswith(
         "simrob: argument is '\\udcff.yaml'; it must be text in UTF-8"
     )
+
     (tmp_path / "gone").mkdir()
     monkeypatch.chdir(tmp_path / "gone")
+
     shutil.rmtree(tmp_path / "gone")
+
     assert run_command(["check", "double_pendulum"]) == ExitCode.BAD_INPUT
     assert "working folder is gone" in capsys.readouterr().err

@@ -215,6 +215,7 @@ MANY = np.array([1, 2])
 )
 def test_values_of_no_use_are_told_by_their_names(call, told, arm, legged, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+
     before = legged.program
     with pytest.raises(SimrobError, match=told):
         call(arm, legged)
@@ -288,6 +289,7 @@ def test_a_section_without_its_kind_is_told_what_kinds_there_are(key, value):
 @pytest.mark.parametrize("resolution", [1e-99, 1e-4])
 def test_a_surface_of_too_many_faces_is_told_before_drake_makes_it(resolution):
     changes = {"contact.model": "hydroelastic_with_fallback", "duration": 0.01}
+
     with pytest.raises(
         InvalidParameter, match=r"contact\.resolution is .* m; it must be (.*) m or more"
     ) as caught:
@@ -311,7 +313,9 @@ def test_what_drake_alone_finds_out_ends_no_script():
     rows = np.zeros((6, 5))
     rows[:, 2] = np.nan
     trajectory = PiecewisePolynomial.FirstOrderHold([0.0, 0.1011, 0.1013, 0.1015, 1.0], rows)
+
     config = sim.load_station("irb120_kinematic", {"duration": 1.0, "sample_rate": 10_000.0})
+
     with pytest.raises(DrakeRefused, match="condition 'AllFinite"):
         run(config, reference=trajectory)
     with pytest.raises(SystemExit, match="4"), drake_asserts():
@@ -321,6 +325,7 @@ def test_what_drake_alone_finds_out_ends_no_script():
 @pytest.mark.parametrize("station", ["irb120_kinematic", "irb120_dynamic"])
 def test_no_run_begins_where_there_is_no_number(station, tmp_path):
     state = run(station, duration=0.02).final_state
+
     for part in ("positions", "velocities", "references"):
         with pytest.raises(InvalidParameter, match=rf"start: {part} of robot is .*nan"):
             run(station, start=replace(state, **{part: {"robot": NAN_ROW}}))

@@ -39,10 +39,13 @@ def test_a_station_in_a_robot_diagram():
     builder.Connect(source.get_output_port(), ports.inputs["reference"])
     diagram = robot_builder.Build()
     result = simulate_diagram(diagram, ports, duration=0.2, progress=False)
+
     expected = simulate(
         config, reference=([0.0, 1.0], np.full((2, 6), 0.2)), duration=0.2, progress=False
     )
+
     np.testing.assert_allclose(result.values, expected.values, atol=1e-12)
+
     context = diagram.CreateDefaultContext()
     assert diagram.plant_context(context).num_continuous_states() == 12
 
@@ -58,8 +61,11 @@ def test_a_station_in_a_model_visualizer():
     own_gravity(plant, config)
     place_station(plant, config, scene_graph=visualizer.parser().scene_graph())
     visualizer.Finalize()
+
     visualizer.Run(loop_once=True, position=np.full(6, 0.1))
+
     assert plant.num_positions() == 6
+
     # Drake ends the process if a Meshcat is destroyed in another thread, as by its garbage collection.
     del visualizer, plant
     gc.collect()
@@ -70,8 +76,10 @@ def test_each_thread_has_a_runner_of_its_own(station):
     """The configuration is shared: it does not change. Results are those of one thread, to the last bit."""
     config = load_station(station)
     expected = simulate(config, duration=0.3, progress=False).values
+
     with ThreadPoolExecutor(4) as pool:
         results = list(pool.map(lambda _: Runner(config).run(duration=0.3).values, range(8)))
+
     for values in results:
         np.testing.assert_array_equal(values, expected)
 
@@ -81,6 +89,7 @@ def test_results_are_read_by_several_threads():
     with ThreadPoolExecutor(4) as pool:
         verdicts = list(pool.map(lambda _: str(result.verdict), range(8)))
         columns = list(pool.map(lambda name: result[name].sum(), result.names))
+
     assert len(set(verdicts)) == 1
     np.testing.assert_allclose(columns, result.values.sum(axis=0))
 

@@ -59,6 +59,7 @@ def test_points_on_one_line_make_no_arc(points: tuple[list[float], ...]) -> None
 def test_a_turn_goes_about_one_axis_at_even_speed() -> None:
     start = RotationMatrix.MakeXRotation(0.4).matrix()
     end = start @ RotationMatrix.MakeZRotation(1.2).matrix()
+
     for part, matrix in zip((0, 0.25, 1), turn(start, end, [0, 0.25, 1]), strict=True):
         np.testing.assert_allclose(
             matrix, start @ RotationMatrix.MakeZRotation(part * 1.2).matrix(), atol=1e-14
@@ -69,6 +70,7 @@ def test_a_turn_goes_about_one_axis_at_even_speed() -> None:
 def test_a_pose_moves_and_turns_together() -> None:
     start, end = transform_from_pose([0, 0, 0, 0, 0, 0]), transform_from_pose([1, 2, 0, 1.0, 0, 0])
     middle = RigidTransform(poses(start, end, [0.5])[0])
+
     assert middle.IsNearlyEqualTo(transform_from_pose([0.5, 1, 0, 0.5, 0, 0]), 1e-12)
     assert RigidTransform(poses(start, end, 1.0)[0]).IsNearlyEqualTo(end, 1e-12)
     assert RigidTransform(poses(start, end, 0.0)[0]).IsNearlyEqualTo(start, 1e-12)

@@ -71,14 +71,17 @@ def height_by_geometry(result: SimulationResult) -> float:
 def test_it_stands_ten_seconds(name: str) -> None:
     result = simulate(load_station(name))
     base, robot = result.pose("base")[:, :3], result.plant.robots["robot"]
+
     assert result.ending == "completed"
     assert result.stop_time == 10.0
     assert np.linalg.norm(base - base[0], axis=1).max() < 0.005
     assert tilt_deg(result).max() < 1.0
     assert (np.abs(result.axes("tau")).max(axis=0) < 0.5 * robot.gains.torque_limit).all()
+
     # The feet sink in by what they carry over their stiffness: more than nothing, less than all of it on one sphere.
     weight = 9.80665 * result.plant.plant.CalcTotalMass(result.plant.plant.CreateDefaultContext())
     sunk = height_by_geometry(result) - base[-1, 2]
+
     assert 0 < sunk < weight / robot.feet.stiffness / 2
     # at rest: what it still moves in the last second
     assert np.linalg.norm(base[-1] - base[-100]) < 2e-4
@@ -100,7 +103,9 @@ def test_the_humanoid_stands_on_each_kind_of_feet(feet: str, height: float, mode
         "duration": 3.0,
     }
     result = simulate(load_station("humanoid_dynamic", overrides))
+
     moved = result.pose("base")[:, :3] - (0, 0, height)
+
     assert np.linalg.norm(moved, axis=1).max() < 0.003
     assert tilt_deg(result).max() < 0.5
 
@@ -112,6 +117,7 @@ def stepped() -> SimulationResult:
 
 def test_the_step_of_the_thesis_goes_forward_and_ends_upright(stepped: SimulationResult) -> None:
     end = stepped.pose("base")[-1]
+
     assert stepped.ending == "completed"
     assert -0.08 < end[1] < -0.06  # forward is -y
     assert abs(end[0]) < 0.01
@@ -127,6 +133,7 @@ def test_servos_as_blocks_step_as_those_in_the_actuators(
     blocks = simulate(
         load_station("humanoid_dynamic", {**STEPPING, "servo.realization": realization})
     )
+
     assert blocks.step_times.tolist() == stepped.step_times.tolist()
     np.testing.assert_allclose(blocks.axes("q"), stepped.axes("q"), atol=1e-5)
     np.testing.assert_allclose(blocks.pose("base"), stepped.pose("base"), atol=1e-5)
@@ -155,8 +162,10 @@ def test_steps_of_one_length_do_it_as_well(tight: SimulationResult) -> None:
             {**STEPPING, "solver.error_control": False, "solver.max_step": 0.0125},
         )
     )
+
     # 6 s of 12.5 ms; the corners of the reference lie on the grid
     assert len(fixed.step_times) == 481
+
     apart = fixed.pose("base")[:, :3] - tight.pose("base")[:, :3]
     assert np.linalg.norm(apart, axis=1).max() < 0.003
     assert np.abs(fixed.axes("q") - tight.axes("q")).max() < 0.01
@@ -217,11 +226,14 @@ def test_nothing_else_carries_the_humanoid_with_the_stations_own_scheme() -> Non
 
 def test_the_humanoid_held_by_its_trunk_moves_as_told_and_feels_its_weight() -> None:
     result = simulate(load_station("humanoid_fixed"))
+
     np.testing.assert_array_equal(result.axes("q"), result.axes("q_ref"))
     np.testing.assert_allclose(np.rad2deg(result.axes("q")[-1]), 30, atol=1e-9)
     np.testing.assert_allclose(result.pose("base") - [0, 0, 0.49, 1, 0, 0, 0], 0, atol=1e-12)
+
     robot = result.plant.robots["robot"]
     expected = holding_torque(result.plant, robot, np.full(18, np.deg2rad(30)))
+
     np.testing.assert_allclose(result.axes("tau")[-1], expected, atol=1e-9)
     # The hip carries a leg of 0.548 kg that leans: no more than its weight at the length of a leg.
     assert 0.1 < result["tau.left_hip_roll"][-1] < 0.548 * 9.80665 * 0.25
@@ -269,7 +281,9 @@ def test_a_push_is_withstood(name: str, force: float, direction: tuple[float, fl
             "robot.base": [0, 0, height, 0, 0, 0],
         }
     station = "humanoid_dynamic" if overrides else f"{name}_dynamic"
+
     result = pushed(station, [force * direction[0], force * direction[1], 0.0], overrides)
+
     assert not fell(result)
     assert tilt_deg(result).max() > 0.2  # it was pushed
 

@@ -39,6 +39,7 @@ def page_of(script, language):
 def test_a_lesson_prints_what_its_pages_say(script, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run_path(str(script))["main"]()
+
     printed = capsys.readouterr().out
     assert {path.name for path in tmp_path.iterdir()} <= {"runs"}
     for spanish in (False, True):

@@ -82,7 +82,9 @@ def test_a_diagram_goes_with_all_its_parts(
         stepped(held[-1])
     remnants += map(weakref.ref, held)
     del builder, held
+
     gc.collect()
+
     assert [part() for part in remnants] == [None] * 4
 
 
@@ -95,7 +97,9 @@ def test_callbacks_work_as_long_as_the_diagram_is_held() -> None:
     context = stepped(diagram)
     gc.collect()
     block = diagram.GetSubsystemByName("counter")
+
     own = block.GetMyContextFromRoot(context)
+
     assert block.published > 9
     assert block.GetOutputPort("sum").Eval(own) == 11  # ten updates, from 0 to 0.9 s, and the input
     assert block.GetOutputPort("what").Eval(own) == "at 0.9"

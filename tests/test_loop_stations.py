@@ -28,6 +28,7 @@ def run(name, duration=None, **overrides):
 )
 def test_the_sequencer_visits_every_cell_in_the_robot_s_own_time(changed, slowest):
     result = run("humanoid_sequencer", **changed)
+
     cell, done = result["sequence.cell"], result["sequence.done"]
     assert list(dict.fromkeys(cell)) == [0, 1, 2, 3]
     assert done[-1] == 1
@@ -46,6 +47,7 @@ def test_the_sequencer_visits_every_cell_in_the_robot_s_own_time(changed, slowes
 )
 def test_the_humanoid_finds_its_height_and_then_raises_its_arms(target, changed):
     result = run("humanoid_height", **{"controllers.height.target": target, **changed})
+
     height, acts = result["base.z"], result["height.active"]
     assert result.ending == "completed"
     assert height[-1] == pytest.approx(target, abs=1e-3)
@@ -67,6 +69,7 @@ def test_a_shoulder_with_a_weight_moves_without_sense():
 )
 def test_roid1_leans_to_where_it_is_asked_to_be_and_comes_back(changed):
     result = run("roid1_lateral", **changed)
+
     side = result["base.y"]
     assert side[(result.times > 3) & (result.times < 3.4)] == pytest.approx(0.03, abs=3e-4)
     assert side[-1] == pytest.approx(0, abs=3e-4)
@@ -112,6 +115,7 @@ def test_the_guard_extends_the_arms_as_soon_as_the_hip_is_below_its_height(heigh
         **{"controllers.guard.height": height, "sample_rate": 1000, **changed},
     )
     reaction(result, result["base.z"] < height, changed.get("controllers.guard.rate", 100))
+
     assert result.ending == "completed"
     # they lag by 1 s
     assert np.rad2deg(result["q.left_shoulder_pitch"][-1]) == pytest.approx(90, abs=5)
@@ -121,6 +125,7 @@ def test_the_guard_extends_the_arms_as_soon_as_the_hip_is_below_its_height(heigh
 @pytest.mark.long
 def test_a_guard_below_where_the_hip_stays_never_acts():
     result = run("humanoid_fall_guard", **{"controllers.guard.height": 0.34})
+
     assert 0.34 < result["base.z"].min() < 0.37
     assert not result["guard.active"].any()
     assert abs(result["q_ref.left_shoulder_pitch"]).max() == 0
@@ -155,6 +160,7 @@ HANDS = {"left_hand", "right_hand"}
 def test_the_arms_catch_a_robot_that_falls_forward(changed):
     result = run("humanoid_fall_forward", **{"sample_rate": 1000, **changed})
     reaction(result, tilt(result) > 15, changed.get("controllers.guard.rate", 100))
+
     assert touched(result) == FEET | HANDS
     assert result["distance.head"].min() > 0.14
     assert result["distance.hand"][-1] == pytest.approx(0, abs=1e-3)
@@ -173,6 +179,7 @@ def test_the_arms_catch_a_robot_that_falls_forward(changed):
 )
 def test_hands_catch_it_after_any_push_that_tips_it_over_ahead_or_onto_its_back(force, changed):
     result = run("humanoid_fall_forward", 4.0, **{"forces.shove.force": [0, -force, 0], **changed})
+
     acts = {name: result[f"{name}.active"].any() for name in ("guard", "guard_behind")}
     assert acts == {"guard": force > 7, "guard_behind": force < 7}
     assert touched(result) == FEET | HANDS
@@ -190,6 +197,7 @@ def test_without_the_guard_the_head_hits_the_floor(changed):
 @pytest.mark.long
 def test_a_push_that_does_not_tip_the_robot_over_leaves_the_guard_alone():
     result = run("humanoid_fall_forward", **{"forces.shove.force": [0, -4, 0]})
+
     assert not result["guard.active"].any()
     assert not result["guard_behind.active"].any()
     assert touched(result) == FEET
@@ -207,10 +215,13 @@ def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
         "rate": rate,
         "priority": 2,
     }
+
     result = run("humanoid_fall_forward", **{"controllers.step": by_step})
+
     early, late = (result.times[np.argmax(result[f"{name}.active"])] for name in ("step", "guard"))
     assert 0.5 < early < late - 0.05
     assert touched(result) == FEET | HANDS
+
     still = run(
         "humanoid_fall_forward", **{"controllers.step": by_step, "forces.shove.force": [0, -4, 0]}
     )
@@ -232,6 +243,7 @@ def test_a_guard_of_the_capture_point_sees_the_fall_before_the_tilt_does(rate):
 )
 def test_touchdown_crosses_steps_straight_on(changed):
     found = crossed(0, changed, seconds=8.0)
+
     assert found.upright
     assert found.ahead > 1.0
     assert abs(np.rad2deg(found.yaw)) < 10
@@ -246,6 +258,7 @@ def test_without_touchdown_the_same_steps_turn_it_away():
 def test_a_leg_s_screws_are_those_of_the_plant():
     robot = PosedStation(load_station("yobotics_dynamic")).station.robots["robot"]
     plant, context = robot.plant, robot.plant.CreateDefaultContext()
+
     rng = np.random.default_rng(1)
     for foot, frame in robot.tools.items():
         if not foot.endswith("foot"):
@@ -290,8 +303,10 @@ def test_a_leg_s_screws_are_those_of_the_plant():
 )
 def test_a_push_that_fells_a_robot_does_not_fell_one_that_balances(robot, force, axis, changed):
     pushed = {"forces.push": {"kind": "push", "start": 0.5, "force": force}}
+
     station = f"{robot}_balance"
     assert run(station, duration=2.5, controllers={}, **pushed).stopped_by == "fall"
+
     result = run(station, duration=3.0, **pushed, **changed)
     assert result.ending == "completed"
     assert result["base.z"][-1] > 0.95 * result["base.z"][0]
@@ -310,6 +325,7 @@ def test_a_robot_that_stands_undisturbed_is_left_alone_by_its_noisy_sensors():
     result = run(
         "zjudancer_balance", duration=2.0, forces={}, **{"controllers.balance.reads": sensors}
     )
+
     assert abs(np.rad2deg(result["balance.offset.left_hip_pitch"])).max() < 5
     for told in ("com", "capture_point"):
         assert 0 < max(abs(result[f"balance.{told}.{axis}"]).max() for axis in "01") < 0.1

@@ -46,6 +46,7 @@ print(json.dumps({"grown": grown, "alive": alive}))
 def test_runs_leave_nothing_behind(station: str, overrides: dict[str, Any]) -> None:
     asked = [sys.executable, "-c", MEASURE, station, json.dumps(overrides)]
     done = subprocess.run(asked, check=True, capture_output=True, text=True)
+
     found = json.loads(done.stdout)
     assert found["alive"] == []
     assert found["grown"] < 30 * 0.1  # MB

@@ -114,7 +114,9 @@ def test_an_id_has_one_template():
 
 def test_an_id_is_its_package_and_some_words():
     shape = re.compile(r"[a-z]+(_[a-z]+)*\.[a-z0-9]+(_[a-z0-9]+){0,6}")
+
     assert [found for found in templates() if not shape.fullmatch(found)] == []
+
     packages = {
         *messages.core_packages(),
         *(path.name for path in (PACKAGE / "extensions").iterdir()),
@@ -126,7 +128,9 @@ def test_an_id_is_its_package_and_some_words():
 def test_a_language_has_exactly_these_ids(language):
     used = set(templates())
     packages = {found.partition(".")[0] for found in used}
+
     written = {found for package in packages for found in catalogue(package, language)}
+
     assert sorted(used - written) == []
     assert sorted(written - used) == []
 
@@ -195,7 +199,9 @@ def error_classes() -> set[str]:
 
 def test_no_error_of_ours_is_raised_with_a_plain_sentence():
     classes = error_classes()
+
     assert len(classes) > 20
+
     plain = []
     for module, tree in modules().items():
         if module.startswith(NOT_CONVERTED):
@@ -213,21 +219,26 @@ def test_no_error_of_ours_is_raised_with_a_plain_sentence():
                 )
                 if has_words:
                     plain.append(f"{module}:{node.lineno}: {text}")
+
     assert plain == []
 
 
 def test_errors_of_the_base_keep_their_messages():
     nearest = errors.UnknownName("robot", "irb12", ["irb120"])
+
     assert in_language(nearest.message, "es") == "no hay robot 'irb12'; ¿quería decir 'irb120'?"
+
     positive = errors.InvalidParameter(
         "gain", 2.5, messages.message("base.a_number", "a finite number")
     )
     assert in_language(positive.message, "es") == "gain es 2.5; debe ser un número finito"
     assert in_language(errors.Unsuitable("gain", "R1").message, "es") == "gain: R1; quítelo"
+
     line = messages.message("base.line", "line {line}", line=3)
     located = errors.InvalidConfig(
         "a.yaml", line, messages.message("base.no_mapping", "must contain a mapping")
     )
+
     assert (
         in_language(located.message, "es")
         == "a.yaml: línea 3: debe contener claves con sus valores"

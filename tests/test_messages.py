@@ -49,6 +49,7 @@ def ends_off(distance):
 
 def test_a_message_is_its_english_text():
     ending = ends_off(31.2567)
+
     assert ending == "move 1 (move_j) ends 31.3 mm beside its target (bound 2 mm)"
     assert isinstance(ending, str)
     assert (ending.id, ending.fields["distance"]) == ("kit.ends_off", 31.2567)
@@ -66,6 +67,7 @@ def test_one_sentence_is_in_one_language():
 @pytest.mark.parametrize("number", [1234.5, np.float64(1234.5), np.float32(1234.5)])
 def test_numbers_have_the_decimal_sign_of_the_language(number):
     text = compound("{number:,.1f}", number=number)
+
     assert text == "1,234.5"
     assert in_language(text, "es") == "1.234,5"
     assert in_language(compound("{name}", name="v1.5"), "es") == "v1.5"  # a name is no number
@@ -85,10 +87,12 @@ def test_words_follow_a_count():
 
 def test_parts_of_a_compound_are_rendered_each():
     stands = message("kit.stands", "stands")
+
     assert (
         in_language(join_texts([stands, "R1", stands], "; "), "es")
         == "está de pie; R1; está de pie"
     )
+
     located = compound("{file}: {problem}", file="a{b}.yaml", problem=stands)
     assert str(located) == "a{b}.yaml: stands"
     assert in_language(located, "es") == "a{b}.yaml: está de pie"
@@ -97,7 +101,9 @@ def test_parts_of_a_compound_are_rendered_each():
 
 def test_an_error_in_a_field_keeps_its_message():
     error = ValueError("plain")
+
     assert in_language(compound("{problem}", problem=error), "es") == "plain"
+
     error.message = message("kit.stands", "stands")
     assert in_language(compound("{problem}", problem=error), "es") == "está de pie"
 
@@ -109,6 +115,7 @@ def test_a_message_survives_pickle_copies_and_json():
         copy.deepcopy(ending),
         from_data(json.loads(json.dumps(as_data(ending)))),
     ]
+
     for other in copies:
         assert type(other) is Message
         assert other == ending
@@ -119,6 +126,7 @@ def test_a_message_survives_pickle_copies_and_json():
 def test_an_unknown_id_or_language_is_shown_in_english():
     stands = message("kit.stands", "stands")
     unknown = message("kit.falls", "{who} falls: it {how}", who="R1", how=stands)
+
     assert in_language(unknown, "es") == "R1 falls: it está de pie"
     assert in_language(stands, "fr") == "stands"
     assert in_language(message("nobody.stands", "stands"), "es") == "stands"
@@ -142,7 +150,9 @@ def test_a_long_message_is_cut_in_each_language():
 
 def test_a_catalogue_is_read_once(spanish):
     stands = message("kit.stands", "stands")
+
     assert in_language(stands, "es") == "está de pie"
+
     (spanish / "es.yaml").unlink()
     assert in_language(stands, "es") == "está de pie"
 
@@ -159,6 +169,7 @@ def test_a_catalogue_that_is_none_is_a_warning_and_english(spanish, content):
 
 def test_a_sentence_begins_with_a_capital_letter_in_each_language():
     sentence = message("kit.stands", "stands").as_sentence()
+
     assert sentence == "Stands"
     assert in_language(pickle.loads(pickle.dumps(sentence)), "es") == "Está de pie"
     assert in_language(from_data(as_data(sentence)), "es") == "Está de pie"

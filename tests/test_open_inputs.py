@@ -30,9 +30,11 @@ def connect_all(builder, ports):
 def test_a_forgotten_reference_is_named_with_what_to_do():
     builder = DiagramBuilder()
     ports = add_station(builder, "irb120_dynamic")
+
     expected = (
         r'reference; before.*builder.Connect\(output, ports.inputs\["reference"\]\).*ExportInput.*'
     )
+
     with pytest.raises(SimrobError, match=expected):
         run(builder, ports)
 
@@ -41,8 +43,10 @@ def test_all_open_inputs_are_named():
     builder = DiagramBuilder()
     ports = add_station(builder, "two_irb120")
     builder.AddNamedSystem("gain", Gain(2.0, 3))
+
     # the root diagram: nothing outside can feed it
     builder.ExportInput(ports.inputs["left.reference"], "left")
+
     with pytest.raises(
         SimrobError, match=r"3 inputs are not connected: left.reference, right.reference, gain.u0;"
     ):
@@ -54,7 +58,9 @@ def test_inputs_of_a_box_and_within_a_box_are_named():
     box = builder.AddSystem(build_station("irb120_dynamic"))
     inner = DiagramBuilder()
     inner.AddNamedSystem("gain", Gain(2.0, 3))
+
     builder.AddSystem(inner.Build()).set_name("inner")
+
     with pytest.raises(
         SimrobError, match=r"2 inputs are not connected: irb120_dynamic.reference, gain.u0;"
     ):
@@ -115,5 +121,7 @@ def test_a_runner_names_an_input_that_nothing_feeds():
 def test_a_station_with_connected_inputs_has_no_open_ones(station):
     builder = DiagramBuilder()
     ports = add_station(builder, station)
+
     connect_all(builder, ports)
+
     assert simulate_diagram(builder.Build(), ports, duration=0.002, progress=False).times[-1] > 0

@@ -47,6 +47,7 @@ def texts_of(figure: Figure) -> set[str]:
 def test_plots_of_joints_are_in_the_language(result: SimulationResult) -> None:
     (robot,) = result.plant.robots.values()
     positions = texts_of(grid_figure(result, "", position_stacks(result, robot)))
+
     assert {
         "posición [deg]",
         "error [deg]",
@@ -56,6 +57,7 @@ def test_plots_of_joints_are_in_the_language(result: SimulationResult) -> None:
     } <= positions
     assert "0,05" in positions  # a time at the axis
     assert not any("." in text for text in positions if text.replace(".", "").isdigit())
+
     torques = texts_of(grid_figure(result, "", torque_stacks(result, robot)))
     assert {"par [N·m]", "límite ±150 N·m"} <= torques
 
@@ -64,6 +66,7 @@ def test_plots_of_joints_are_in_the_language(result: SimulationResult) -> None:
 def test_plots_of_sensors_are_in_the_language(result: SimulationResult) -> None:
     (sheet,) = [sheet for sheet in panel_sheets(result) if sheet.name == "sensors"]
     shown = texts_of(grid_figure(result, sheet.title, sheet.stacks, **sheet.layout))
+
     assert "fuerza [N]" in shown
     assert any(text.startswith("fuerza de contacto de '") for text in shown)
 
@@ -78,7 +81,9 @@ def test_the_same_plots_are_english_otherwise(result: SimulationResult) -> None:
 def test_results_over_each_other_are_in_the_language() -> None:
     times = np.linspace(0, 1, 5)
     saved = SavedSignals("a", times, {"q.joint_1": times}, {"q.joint_1": "rad"})
+
     figure = overlay_figure([saved, saved], ["q.joint_1"])
+
     assert figure.get_label() == "resultados superpuestos"
     assert {"posición [deg]", "tiempo [s]"} <= texts_of(figure)
 
@@ -86,6 +91,7 @@ def test_results_over_each_other_are_in_the_language() -> None:
 @pytest.mark.usefixtures("spanish")
 def test_the_comments_of_a_first_station_are_in_the_language(tmp_path: Path) -> None:
     text = draft_station(models_root() / "irb120" / "irb120.urdf", folder=tmp_path)
+
     comments = [line for line in text.splitlines() if line.startswith("#")]
     assert comments[0].startswith("# Primera estación de un robot importado")
     assert any("sin colisiones con el suelo ni entre eslabones" in comment for comment in comments)
@@ -96,7 +102,9 @@ def test_the_comments_of_a_first_station_are_in_the_language(tmp_path: Path) -> 
 def test_messages_of_the_process_that_reads_xacro_keep_their_ids(tmp_path: Path) -> None:
     file = tmp_path / "arm.xacro"
     head = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+
     file.write_text(f'{head}<link name="base"/><link name="$(env HOME)"/></robot>')
+
     with pytest.raises(InvalidModel) as raised:
         robot_from_file(file)
     assert "a xacro file may not read the environment variable HOME" in str(raised.value)
@@ -119,9 +127,11 @@ def test_a_package_that_is_missing_keeps_its_message_over_both_borders(tmp_path:
     """The question goes to the process of the import, its answer back, and out again as the problem."""
     file = tmp_path / "arm.xacro"
     head = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+
     file.write_text(
         f'{head}<xacro:include filename="$(find nowhere)/a.xacro"/><link name="base"/></robot>'
     )
+
     with pytest.raises(InvalidModel) as raised:
         robot_from_file(file)
     assert "package" in str(raised.value)
@@ -131,8 +141,10 @@ def test_a_package_that_is_missing_keeps_its_message_over_both_borders(tmp_path:
 def test_data_keep_a_message() -> None:
     template = "ran to its end at {time:.6g} s"
     end = message("results.ran_to_its_end", template, time=np.float64(2.5))
+
     assert in_language(end, "es") == "llegó al final a los 2,5 s"
     assert in_language(from_data(as_data(end)), "es") == in_language(end, "es")
+
     steps = message("results.steps", "{count} {count:step|steps}", count=2)
     assert in_language(steps, "es") == "2 pasos"
     assert in_language(from_data(as_data(steps)), "es") == "2 pasos"

@@ -136,6 +136,7 @@ class Faulty(LeafSystem):
 class TestWiredByName:
     def test_an_output_called_reference_is_what_the_arm_is_asked(self):
         result = simulate(arm(), blocks=[Nod()], duration=1.0, progress=False)
+
         np.testing.assert_allclose(
             result["q_ref.joint_5"], 0.3 * np.sin(2 * result.times), atol=1e-12
         )
@@ -156,10 +157,13 @@ class TestWiredByName:
             allow_code=True,
         )
         station = build_station(config)
+
         outputs = [
             station.get_output_port(index).get_name() for index in range(station.num_output_ports())
         ]
+
         assert "weight.feedforward" not in outputs  # else it would be a signal that drives nothing
+
         arrows = [
             line
             for line in station_dot(config).splitlines()
@@ -170,6 +174,7 @@ class TestWiredByName:
     def test_it_reads_what_the_station_tells_and_its_signals_have_units(self):
         blocks = {"watch": Mirror("torque", gain=2), "hand": Mirror("tcp_pose", "place", size=7)}
         result = simulate(arm(), blocks=blocks, duration=0.2, progress=False)
+
         np.testing.assert_array_equal(result["watch.seen.joint_2"], 2 * result["tau.joint_2"])
         np.testing.assert_array_equal(result["hand.place.2"], result["tcp.z"])
         assert result.units["watch.seen.joint_2"] == "N·m"
@@ -181,6 +186,7 @@ class TestWiredByName:
         carried = simulate(
             arm(), blocks=[Torque(at_rest.axes("tau")[-1])], duration=1.0, progress=False
         )
+
         assert np.abs(at_rest.axes("q")[-1]).max() > 5e-3
         # where it hangs the torque is a little another
         assert np.abs(carried.axes("q")[-1]).max() < 3e-4
@@ -190,7 +196,9 @@ class TestWiredByName:
             arm(), blocks={"hand": Torque([0, 0, 20.0], port="external_force")}, duration=0.5
         )
         force = {"kind": "push", "start": 0, "duration": 1, "force": [0, 0, 20.0]}
+
         same = simulate(arm(forces={"push": force}), duration=0.5, progress=False)
+
         np.testing.assert_allclose(pushed.axes("q"), same.axes("q"), atol=1e-12)
         assert (
             np.abs(pushed.axes("q")[-1] - simulate(arm(), duration=0.5).axes("q")[-1]).max() > 1e-3
@@ -203,13 +211,16 @@ class TestWiredByName:
             duration=0.3,
             progress=False,
         )
+
         assert result["force.floor.z"].max() > 10
+
         seen = np.column_stack([result[f"felt.seen.{place}"] for place in range(3)])
         np.testing.assert_array_equal(seen, result.vector("force.floor"))
 
     def test_one_block_reads_another(self):
         blocks = {"nod": Telling(), "watch": Mirror("nod.phase", "twice", size=1, gain=2)}
         result = simulate(arm(), blocks=blocks, duration=0.2, progress=False)
+
         np.testing.assert_allclose(result["watch.twice"], 2 * result["nod.phase"])
         assert result["nod.phase"][-1] == pytest.approx(0.2)
 
@@ -222,13 +233,17 @@ class TestWiredByName:
         config = load_station("two_irb120", {"duration": 0.1})
         first = next(iter(config.robots))
         source = Torque(np.full(6, 0.1), port=f"{first}.reference")
+
         result = simulate(config, blocks={"source": source}, progress=False)
+
         np.testing.assert_array_equal(result[f"{first}.q_ref.joint_1"], 0.1)
 
     def test_monitors_end_a_run_with_blocks(self):
         stop = {"torque_limit": {"hold": 0.05}}
         config = arm(monitors=stop, **{"servo.torque_limit": 5})
+
         result = simulate(config, blocks=[Nod()], duration=1.0, progress=False)
+
         assert (result.ending, result.stopped_by) == ("monitor", "torque_limit")
 
 
@@ -262,10 +277,12 @@ class TestItsMemory:
 
     def test_states_of_every_kind_are_kept(self):
         state = self.run(0.1).final_state
+
         kept = state.blocks["controller.memory"]
         np.testing.assert_allclose(kept.continuous, kept.discrete[0], rtol=0.1)
         assert kept.continuous.min() > 0.03
         assert kept.abstract == ({"samples": 10},)
+
         again = type(state).from_json(state.to_json()).blocks["controller.memory"]
         np.testing.assert_array_equal(again.continuous, kept.continuous)
         np.testing.assert_array_equal(again.discrete[0], kept.discrete[0])
@@ -275,6 +292,7 @@ class TestItsMemory:
         """To the last bit; a continuous state but for the rounding of times, which begin at zero again."""
         whole, first = self.run(0.2), self.run(0.1)
         second = self.run(0.1, type(first.final_state).from_json(first.final_state.to_json()))
+
         assert np.abs(second["q.joint_2"] - first["q.joint_2"]).max() > 1e-3
         for name in whole.names:
             rounding = 1e-13 if "integral" in name else 0
@@ -289,6 +307,7 @@ class TestWhatIsLeft:
     def test_a_block_stands_in_the_picture_and_in_the_plots(self, tmp_path):
         result = simulate(arm(), blocks={"watch": Mirror("torque")}, duration=0.1, progress=False)
         text = station_dot(result.config)
+
         assert "watch\\nMirror" in text
         assert "own blocks" in text
         assert {"controller_watch.png", "position.png"} <= {
@@ -301,14 +320,17 @@ class TestWhatIsLeft:
             arm(), blocks={"nod": Nod(amplitude=0.2), "memory": Mirror("torque")}, duration=0.2
         )
         folder = result.save(tmp_path / "run", recording=False)
+
         with pytest.raises(
             SimrobError, match=r"controllers\.nod.*test_own_blocks.*allow_code=True.*--allow-code"
         ):
             load_station(folder / "station.yaml")
         with pytest.raises(SimrobError, match="--allow-code"):
             simulate(folder / "station.yaml")
+
         config = load_station(folder / "station.yaml", allow_code=True)
         again = simulate(config, progress=False)
+
         assert again.names == result.names
         np.testing.assert_array_equal(again.values, result.values)
 
@@ -316,9 +338,11 @@ class TestWhatIsLeft:
         result = simulate(arm(), blocks={"nod": Nod()}, duration=0.1, progress=False)
         folder = result.save(tmp_path / "run", recording=False)
         changes = {"controllers.nod.parameters.amplitude": 0.1, "duration": 0.3}
+
         again = simulate(
             load_station(folder / "station.yaml", changes, allow_code=True), progress=False
         )
+
         np.testing.assert_allclose(
             again["q_ref.joint_5"], 0.1 * np.sin(2 * again.times), atol=1e-12
         )
@@ -375,19 +399,24 @@ class TestCodeThatAFileNames:
     )
     def test_it_lies_beside_the_station(self, folder, named):
         config = load_station(written(folder, named), allow_code=True)
+
         assert Path(config.controllers["loop"].class_.partition(":")[0]).is_absolute()
+
         result = simulate(config, progress=False)
         np.testing.assert_array_equal(result["q_ref.joint_3"], 0.125)
 
     def test_it_is_on_python_s_path(self, folder):
         written_ = written(folder, "pydrake.systems.primitives:ConstantVectorSource")
         changes = {"controllers.loop.parameters": {"source_value": [1.0, 2.0]}}
+
         result = simulate(load_station(written_, changes, allow_code=True), progress=False)
+
         np.testing.assert_array_equal(result["loop.y0.1"], 2.0)
 
     def test_nothing_of_it_runs_where_it_is_not_allowed(self, folder):
         (folder / "holding.py").write_text("raise SystemExit('it ran')")
         file = written(folder, "holding.py:Hold")
+
         for run in (load_station, simulate):
             with pytest.raises(
                 SimrobError, match=r"station\.yaml: controllers\.loop: would run.*holding\.py:Hold"
@@ -421,6 +450,7 @@ class TestCodeThatAFileNames:
 
     def test_the_command_line_asks(self, folder, capsys):
         file = str(written(folder, "holding:Hold"))
+
         assert run_command(["run", file, "--no-recording", "--out", "r"]) == 2
         assert "--allow-code" in capsys.readouterr().err
         assert run_command(["run", file, "--no-recording", "--out", "r", "--allow-code"]) == 0
@@ -510,18 +540,21 @@ class TestAnExceptionInside:
         result = simulate(
             config, blocks={"shaky": Faulty(where=where)}, duration=0.5, progress=False
         )
+
         assert (result.ending, result.stopped_by) == ("failed", "shaky")
         assert "block shaky failed at 0.0" in result.message
         assert "ZeroDivisionError: no more numbers" in result.message
         assert any(part in result.message for part in told.split("|"))
         assert 0.03 < result.stop_time < 0.0501
         assert np.isfinite(result.axes("q")).all()
+
         folder = result.save(tmp_path / "run", recording=False)
         assert json.loads((folder / "summary.json").read_text())["stopped_by"] == "shaky"
         assert len((folder / "signals.csv").read_text().splitlines()) == len(result.times) + 1
 
     def test_at_the_first_look(self, tmp_path):
         result = simulate(arm(), blocks={"shaky": Faulty(at=0.0)}, duration=0.5, progress=False)
+
         assert (result.ending, result.stopped_by, result.stop_time) == ("failed", "shaky", 0.0)
         assert result.save(tmp_path / "run", recording=False).is_dir()
         with pytest.raises(
@@ -534,10 +567,12 @@ class TestAnExceptionInside:
         result = simulate(
             "irb120_kinematic", blocks={"shaky": Faulty()}, duration=0.5, progress=False
         )
+
         assert (result.ending, result.stopped_by) == ("failed", "shaky")
         assert "failed at 0.05 s in its output reference" in result.message
         assert result.stop_time == pytest.approx(0.04)
         assert np.isfinite(result.axes("q")).all()
+
         folder = result.save(tmp_path / "run")
         assert json.loads((folder / "summary.json").read_text())["stop_time"] == pytest.approx(0.04)
 
@@ -546,8 +581,10 @@ class TestAnExceptionInside:
         result = simulate(
             config, blocks={"shaky": Faulty(port="told")}, duration=0.5, progress=False
         )
+
         assert (result.ending, result.stopped_by) == ("failed", "shaky")
         assert "failed at 0.05 s in its output told" in result.message
+
         whole = simulate(config, duration=0.5, progress=False)
         np.testing.assert_allclose(
             result.axes("q"), whole.axes("q")[: len(result.times)], atol=1e-3
@@ -557,7 +594,9 @@ class TestAnExceptionInside:
     def test_on_the_command_line_it_is_no_success(self, folder, capsys):
         lines = (folder / "holding.py").read_text().replace("[VALUE] * size", "[VALUE / 0] * size")
         (folder / "holding.py").write_text(lines)
+
         file = str(written(folder, "holding:Hold"))
+
         assert run_command(["run", file, "--no-recording", "--out", "r", "--allow-code"]) == 3
         assert "block loop failed at 0 s" in capsys.readouterr().out
         assert Path("r/signals.csv").is_file()

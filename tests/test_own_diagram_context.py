@@ -77,7 +77,9 @@ def whole(cell):
 def test_the_given_context_is_advanced_and_has_the_logs(cell):
     context = cell.diagram.CreateDefaultContext()
     result = cell.run(0.1, context=context)
+
     assert context.get_time() == pytest.approx(0.1)
+
     log = cell.sink.FindLog(context)
     np.testing.assert_allclose(log.sample_times(), np.arange(0.0, 0.105, PERIOD), atol=1e-9)
     np.testing.assert_array_equal(log.data()[:, -1], result.axes("q")[-1])
@@ -92,25 +94,33 @@ def test_a_run_without_a_context_has_its_logs_too(cell, whole):
 def test_each_context_is_a_new_one_at_the_end_of_the_run(whole):
     first, second = whole.context(), whole.context()
     first.SetTime(7.0)
+
     assert second.get_time() == whole.context().get_time() == pytest.approx(0.2)
+
     plant = whole.plant.plant
     positions = plant.GetPositions(plant.GetMyContextFromRoot(second))
+
     np.testing.assert_array_equal(positions, whole.positions_at(np.array([whole.stop_time]))[0])
 
 
 def test_the_context_of_simulate_is_at_the_end_of_the_run():
     result = simulate("bouncing_ball", duration=0.5, progress=False)
     context = result.context()
+
     assert context.get_time() == pytest.approx(0.5)
+
     plant = result.plant.plant
     pose = plant.GetBodyByName("ball").EvalPoseInWorld(plant.GetMyContextFromRoot(context))
+
     np.testing.assert_allclose(pose.translation(), result.piece_pose("ball")[-1, :3], atol=1e-12)
 
 
 def test_a_monitor_ends_the_context_where_the_result_ends():
     cell = Cell(**{"servo.torque_limit": 5, "monitors.torque_limit.hold": 0.05})
     context = cell.diagram.CreateDefaultContext()
+
     result = cell.run(1.0, context=context)
+
     assert result.ending == "monitor"
     assert context.get_time() == result.context().get_time() == result.stop_time
 
@@ -126,7 +136,9 @@ def test_parameters_of_the_context_act_on_motion_and_signals():
     target.get_mutable_source_value(target.GetMyContextFromRoot(context)).set_value(
         np.full(AXES, 0.1)
     )
+
     result = simulate_diagram(diagram, ports, duration=0.3, context=context, progress=False)
+
     np.testing.assert_array_equal(result.axes("q_ref"), 0.1)
     assert result["q.joint_1"][-1] > 0.05
 
@@ -134,6 +146,7 @@ def test_parameters_of_the_context_act_on_motion_and_signals():
 def test_a_fixed_step_run_goes_on_from_its_context_to_the_last_bit(cell, whole):
     first = cell.run(0.1)
     rest = cell.run(0.1, context=first.context())
+
     assert (rest.start_time, rest.stop_time) == pytest.approx((0.1, 0.2))
     np.testing.assert_array_equal(rest.values[-1], whole.values[-1])
 
@@ -141,15 +154,19 @@ def test_a_fixed_step_run_goes_on_from_its_context_to_the_last_bit(cell, whole):
 def test_a_run_with_error_control_goes_on_within_its_accuracy():
     cell = Cell(duration=1.0)  # radau3
     whole = cell.run(0.1)
+
     rest = cell.run(0.05, context=cell.run(0.05).context())
+
     np.testing.assert_allclose(rest.axes("q")[-1], whole.axes("q")[-1], atol=1e-4)
 
 
 def test_a_pickled_result_is_continued_by_its_final_state(cell, whole):
     first = pickle.loads(pickle.dumps(cell.run(0.1)))
     rest = cell.run(0.1, start=first.final_state, start_time="keep")
+
     assert rest.start_time == pytest.approx(0.1)
     np.testing.assert_array_equal(rest.values[-1], whole.values[-1])
+
     # The target block's own state goes along.
     anew = Cell()
     elsewhere = anew.run(
@@ -158,6 +175,7 @@ def test_a_pickled_result_is_continued_by_its_final_state(cell, whole):
         start_time="keep",
         signals={"wave.n": anew.wave.get_output_port(1)},
     )
+
     assert elsewhere["wave.n"][-1] == pytest.approx(4)  # sampled at 0, 0.05, 0.1 and 0.15 s
 
 
@@ -180,11 +198,15 @@ def test_a_pickled_result_names_the_way_instead_of_a_context(cell, whole):
 def test_a_pickled_result_of_a_station_has_context_and_contacts():
     result = simulate("bouncing_ball", duration=0.5, progress=False)
     there = pickle.loads(pickle.dumps(result))
+
     assert there.onsets == result.onsets != []
+
     context = there.context()
     assert context.get_time() == result.stop_time
+
     plant = there.plant.plant
     positions = plant.GetPositions(plant.GetMyContextFromRoot(context))
+
     np.testing.assert_allclose(
         positions, result.positions_at(np.array([result.stop_time]))[0], atol=1e-12
     )
@@ -201,6 +223,7 @@ def test_outputs_of_own_blocks_are_columns(cell):
         "planner.n": cell.wave.GetOutputPort("count"),
     }
     result = cell.run(0.1, signals=signals)
+
     expected = 0.2 * np.sin(3.0 * result.times)
     np.testing.assert_allclose(result["planner.goal.joint_3"], expected, atol=1e-12)
     assert result.units["planner.goal.joint_1"] == "rad"  # as the block says of its port, target
@@ -235,12 +258,14 @@ def test_signals_of_another_diagram(cell):
 
 def test_ports_and_contexts_of_another_diagram(cell):
     other = Cell()
+
     with pytest.raises(
         InvalidParameter, match="ports is the ports of a station in another diagram"
     ):
         simulate_diagram(other.diagram, cell.ports, duration=0.1, progress=False)
     with pytest.raises(InvalidParameter, match="context is the context of another system"):
         cell.run(0.1, context=other.diagram.CreateDefaultContext())
+
     box = build_station("irb120_dynamic")
     with pytest.raises(
         InvalidParameter, match="ports is the ports of a station in another diagram"
@@ -260,7 +285,9 @@ def test_starts_that_cannot_be(cell, whole):
 def test_on_step_gets_each_time_once(cell):
     seen = []
     result = cell.run(0.05, on_step=lambda time, positions: seen.append(time))
+
     assert seen == result.step_times.tolist()
+
     alone = []
     push = {
         "forces": {
@@ -273,6 +300,7 @@ def test_on_step_gets_each_time_once(cell):
             }
         }
     }
+
     result = simulate(
         "irb120_dynamic",
         overrides=push,
@@ -280,5 +308,6 @@ def test_on_step_gets_each_time_once(cell):
         progress=False,
         on_step=lambda t, q: alone.append(t),
     )
+
     assert alone == sorted(set(alone))
     assert alone == result.step_times.tolist()

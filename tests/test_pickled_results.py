@@ -37,6 +37,7 @@ def forces(contacts):
 def test_what_a_result_computes_is_equal(station):
     result = simulate(load_station(station), duration=0.25, progress=False)
     other = travelled(result)
+
     np.testing.assert_array_equal(other.values, result.values)
     times = np.linspace(0.0, result.stop_time, 23)
     np.testing.assert_array_equal(other.positions_at(times), result.positions_at(times))
@@ -51,6 +52,7 @@ def test_what_a_result_computes_is_equal(station):
 
 def test_the_plant_is_built_when_it_is_asked_for():
     other = travelled(simulate(load_station("bouncing_ball"), duration=0.1, progress=False))
+
     assert other["force.ball.z" if "force.ball.z" in other.names else other.names[0]].size == 11
     assert "plant" not in vars(other)
     assert other.plant.plant.num_positions() == 7
@@ -60,8 +62,11 @@ def test_the_plant_is_built_when_it_is_asked_for():
 def test_a_result_is_small_and_goes_on():
     runner = Runner(load_station("humanoid_dynamic"))
     result = runner.run(duration=0.5)
+
     content = pickle.dumps(result)
+
     assert len(content) < 100_000  # at this rate, 10 s are below 2 MB
+
     again = Runner(load_station("humanoid_dynamic")).resume(pickle.loads(content), until=0.8)
     np.testing.assert_array_equal(again.values, runner.run(duration=0.8).values)
 
@@ -82,6 +87,7 @@ def test_other_processes_return_results():
     with multiprocessing.get_context("spawn").Pool(1) as pool:
         (result,) = pool.map(run_for, [0.2])
     here = run_for(0.2)
+
     np.testing.assert_array_equal(result.values, here.values)
     # joblib's processes and those of Dask use cloudpickle
     assert cloudpickle.loads(cloudpickle.dumps(here)).summary()["stop_time"] == 0.2
@@ -95,7 +101,9 @@ def test_a_runner_itself_is_sent_to_processes():
 def test_a_result_is_saved_after_it_travelled(tmp_path):
     result = simulate(load_station("irb120_dynamic"), duration=0.2, progress=False)
     folder = result.save(tmp_path / "here", recording=False)
+
     other = travelled(result).save(tmp_path / "there", recording=False)
+
     assert (folder / "signals.csv").read_bytes() == (other / "signals.csv").read_bytes()
     assert (folder / "station.yaml").read_bytes() == (other / "station.yaml").read_bytes()
 
@@ -106,7 +114,9 @@ def test_moves_and_programs_travel():
     arm.move_abs_j([0, 0, 0, 0, np.pi / 2, 0], duration=0.3)
     arm.move_abs_j([0.1, 0, 0, 0, np.pi / 2, 0], duration=0.3)
     program = arm.result()
+
     other = travelled(program)
+
     assert other.verdict == program.verdict
     times = np.linspace(0.0, program.stop_time, 11)
     np.testing.assert_array_equal(other.positions_at(times), program.positions_at(times))
@@ -130,6 +140,7 @@ def test_a_run_whose_diagram_cannot_be_built_again_keeps_its_motion():
         load_station("irb120_dynamic"), blocks={"still": Still(0.1)}, duration=0.1, progress=False
     )
     other = travelled(result)
+
     np.testing.assert_allclose(
         other.positions_at(result.times), result.positions_at(result.times), atol=1e-12
     )
@@ -142,7 +153,9 @@ def test_a_run_in_a_diagram_of_ones_own_keeps_its_motion():
     source = builder.AddSystem(ConstantVectorSource(np.full(6, 0.1)))
     builder.Connect(source.get_output_port(), ports.inputs["reference"])
     result = simulate_diagram(builder.Build(), ports, duration=0.2, progress=False)
+
     other = travelled(result)
+
     np.testing.assert_allclose(
         other.positions_at(result.times), result.positions_at(result.times), atol=1e-12
     )
@@ -152,7 +165,9 @@ def test_a_run_in_a_diagram_of_ones_own_keeps_its_motion():
 def test_a_result_of_another_version_is_refused(monkeypatch):
     result = simulate(load_station("bouncing_ball"), duration=0.05, progress=False)
     content = pickle.dumps(result)
+
     monkeypatch.setattr("simrob_drake.results.record.rebuilt.FORMAT", rebuilt.FORMAT + 1)
+
     with pytest.raises(
         SimrobError,
         match=r"another version of simrob_drake .*\(format 1; this version reads format 2\)\. Run the station",

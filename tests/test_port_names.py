@@ -63,6 +63,7 @@ def test_the_nearest_input(ports):
 
 def test_inputs_of_several_robots():
     inputs = build_station("two_arms", overrides={"mode": "dynamic"}).ports.inputs
+
     with pytest.raises(KeyError) as error:
         inputs["left.feedforward"]
     assert 'overrides={"inputs": ["feedforward"]}' in message_of(error)
@@ -99,6 +100,7 @@ def test_the_mappings_are_ordinary_ones(ports):
 def test_the_error_can_be_pickled(ports):
     with pytest.raises(KeyError) as error:
         ports.outputs["tcp"]
+
     again = pickle.loads(pickle.dumps(error.value))
     assert type(again) is type(error.value)
     assert str(again) == message_of(error)
@@ -125,6 +127,7 @@ def test_help_lists_attributes_that_exist(kind, ports, result):
     listed = re.findall(
         r"^    (\w+): ", inspect.getdoc(kind).partition("Attributes:")[2], flags=re.MULTILINE
     )
+
     assert len(listed) > 10
     subject = result if kind is SimulationResult else ports
     for name in listed:
@@ -134,7 +137,9 @@ def test_help_lists_attributes_that_exist(kind, ports, result):
 def test_linearize_takes_ports():
     ports = add_station(DiagramBuilder(), "irb120_dynamic", overrides={"servo.kd": 30})
     model = linearize(ports)
+
     same = linearize("irb120_dynamic", overrides={"servo.kd": 30})
+
     assert (model.A == same.A).all()
     assert model.inputs == same.inputs
 

@@ -76,7 +76,9 @@ def test_density_is_nodes_of_the_body_per_line(tmp_path: Path) -> None:
     body = "\n".join(["    pass"] * 10)
     file = tmp_path / "even.py"
     file.write_text(f"def wait():\n{body}\n")
+
     measures = measure([file])
+
     assert measures.median_density == 1.0
     assert measures.dense_density == 1.0
 

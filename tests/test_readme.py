@@ -147,7 +147,9 @@ def test_a_yaml_file_is_what_it_claims(block, folder):
     if rest.strip() == "changed":
         assert check_station(load_station(claim.removesuffix(".yaml"), parse_yaml(block, claim)))
         return
+
     (folder / claim).write_text(block)
+
     assert LOADERS[claim](folder / claim) is not None
 
 
@@ -218,11 +220,13 @@ def test_links_lead_somewhere(page):
 def test_the_source_archive_holds_what_the_pages_link_to_and_what_tests_need():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())
     archive = project["tool"]["hatch"]["build"]["targets"]["sdist"]["include"]
+
     linked = {
         ((ROOT / page).parent / link.partition("#")[0]).resolve().relative_to(ROOT).parts[0]
         for page, text in PAGES.items()
         for link in re.findall(r"\]\((?!http|#)([^)]+)\)", text)
     }
+
     assert linked | {page.name for page in READMES} | {".ci", "Makefile", "tests"} <= {
         *archive,
         "README.md",

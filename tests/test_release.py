@@ -65,6 +65,7 @@ class Steps:
 def test_a_release_writes_the_version_and_its_day_and_tags_them(release, checkout):
     steps = Steps(checkout)
     release.make_release(checkout, "0.2.0", DAY, steps)
+
     assert steps.done == [("make", "check", "docs", "test-long"), (".ci/wheel_works",)]
     assert release.current_version(checkout) == "0.2.0"
     assert "version: 0.2.0\ndate-released: 2027-01-31\n" in (checkout / "CITATION.cff").read_text()
@@ -81,7 +82,9 @@ def test_a_second_release_replaces_the_day_of_the_first(release, checkout):
         changelog.read_text().replace("## 0.2.0", "## 0.2.1 – unreleased\n\n- More.\n\n## 0.2.0")
     )
     git(checkout, "commit", "--quiet", "--all", "--message", "More")
+
     release.make_release(checkout, "0.2.1", date(2027, 2, 1), Steps(checkout))
+
     assert (checkout / "CITATION.cff").read_text().count("date-released") == 1
     assert "version: 0.2.1\ndate-released: 2027-02-01\n" in (checkout / "CITATION.cff").read_text()
 
@@ -89,6 +92,7 @@ def test_a_second_release_replaces_the_day_of_the_first(release, checkout):
 @pytest.mark.parametrize("failing", ["make", ".ci/wheel_works"])
 def test_a_step_that_fails_leaves_the_checkout_as_it_was(release, checkout, failing):
     before = git(checkout, "rev-parse", "HEAD")
+
     with pytest.raises(subprocess.CalledProcessError):
         release.make_release(checkout, "0.2.0", DAY, Steps(checkout, failing))
     assert git(checkout, "rev-parse", "HEAD") == before

@@ -61,7 +61,9 @@ def test_the_cut_run_of_before_would_differ():
     """The end of a run shortens its last steps: the continued run does not contain them."""
     runner = Runner(load_station("humanoid_dynamic"))
     part = runner.run(duration=0.3137)
+
     resumed = runner.resume(part, until=0.5)
+
     assert 0.3137 in part.step_times
     assert 0.3137 not in resumed.step_times
 
@@ -69,10 +71,14 @@ def test_the_cut_run_of_before_would_differ():
 def test_resuming_twice_equals_resuming_once():
     runner = Runner(load_station("humanoid_dynamic"))
     first = runner.run(duration=0.3)
+
     twice = runner.resume(runner.resume(first, until=0.47), until=0.8)
+
     assert_equal_runs(twice, runner.run(duration=0.8))
+
     kept = runner.run(duration=0.17, start=first.final_state, start_time="keep")
     again = runner.run(duration=0.33, start=kept.final_state, start_time="keep")
+
     later = twice.times > 0.47 + 1e-9
     np.testing.assert_array_equal(again.values[1:-1], twice.values[later][:-1])
 
@@ -82,7 +88,9 @@ def test_a_start_without_its_time_begins_anew():
     runner = Runner(load_station("humanoid_dynamic", {"forces": {"shove": PUSH}}))
     part = runner.run(duration=0.6)
     anew = runner.run(duration=0.6, start=part.final_state)
+
     kept = runner.run(duration=0.6, start=part.final_state, start_time="keep")
+
     assert (anew.start_time, kept.start_time) == (0.0, 0.6)
     assert anew["applied_force.shove.y"][50] == 4.0
     assert not kept["applied_force.shove.y"].any()
@@ -91,10 +99,14 @@ def test_a_start_without_its_time_begins_anew():
 def test_a_state_from_a_file_keeps_its_time():
     runner = Runner(load_station("irb120_dynamic"))
     part = runner.run(duration=0.5)
+
     read = State.from_json(part.final_state.to_json())
+
     assert read.time == 0.5
+
     whole = runner.run(duration=0.8)
     kept = runner.run(duration=0.3, start=read, start_time="keep")
+
     np.testing.assert_allclose(kept.axes("q")[-1], whole.axes("q")[-1], atol=1e-3)
     np.testing.assert_array_equal(kept.axes("q_ref")[-1], whole.axes("q_ref")[-1])
 
@@ -105,7 +117,9 @@ def test_a_changed_state_is_where_the_run_begins():
     state = part.final_state
     moved = {name: values + 0.1 for name, values in state.positions.items()}
     changed = State(moved, state.velocities, state.references, time=state.time)
+
     kept = runner.run(duration=0.1, start=changed, start_time="keep")
+
     np.testing.assert_allclose(kept.axes("q")[0], part.axes("q")[-1] + 0.1)
 
 
@@ -113,7 +127,9 @@ def test_callbacks_see_new_steps_only():
     runner = Runner(load_station("humanoid_dynamic"))
     part = runner.run(duration=0.3)
     seen = []
+
     runner.resume(part, until=0.5, on_step=lambda time, positions: seen.append(time))
+
     assert min(seen) > 0.3
     assert max(seen) == 0.5
 
@@ -122,8 +138,11 @@ def test_a_monitor_that_has_waited_goes_on_waiting():
     """The condition of a monitor with ``hold`` has been met before the cut; the wait goes on."""
     overrides = {"servo.torque_limit": 12, "monitors.torque_limit.hold": 0.3}
     runner = Runner(load_station("irb120_dynamic", overrides))
+
     whole = runner.run(duration=1.5)
+
     assert whole.stopped_by == "torque_limit"
+
     part = runner.run(duration=whole.stop_time - 0.15)
     assert part.ending == "completed"
     assert_equal_runs(runner.resume(part, until=1.5), whole)
@@ -151,11 +170,15 @@ def test_a_commanded_run_is_resumed_and_resumed_again(cut):
     """The run of 0.1 s has too few steps to repeat the last of them, so that it is stepped again from its start."""
     runner = Runner("roid1_walking", overrides={"duration": cut})
     part = runner.run(commands={"walk": speed_up})
+
     assert part.commanded == ("walk",)
+
     resumed = runner.resume(part, until=cut + 0.1)
     whole = Runner(part.config).run(duration=cut + 0.1)
+
     assert_equal_runs(resumed, whole)
     assert resumed.commanded == ("walk",)
+
     again = runner.resume(resumed, until=cut + 0.2)
     assert_equal_runs(again, Runner(part.config).run(duration=cut + 0.2))
 
@@ -173,9 +196,12 @@ class Clock(LeafSystem):
 def test_a_commanded_run_with_own_blocks_needs_new_blocks():
     runner = Runner("roid1_walking", blocks={"clock": Clock()})
     part = runner.run(duration=0.5, commands={"walk": speed_up})
+
     needs_new_blocks = r"to resume a run that functions commanded needs a Runner with new blocks"
+
     with pytest.raises(SimrobError, match=needs_new_blocks):
         runner.resume(part, until=0.6)
+
     fresh = Runner("roid1_walking", blocks={"clock": Clock()})
     assert fresh.resume(part, until=0.6)["clock.time"][-1] == pytest.approx(0.6)
     with pytest.raises(SimrobError, match=needs_new_blocks):
@@ -185,9 +211,11 @@ def test_a_commanded_run_with_own_blocks_needs_new_blocks():
 def test_a_new_monitor_that_ends_the_run_within_the_repeated_steps_is_no_interruption():
     part = Runner("humanoid_dynamic").run(duration=0.3)
     overrides = {"monitors.low": {"kind": "fall", "height": 10.0}}
+
     kept = Runner("humanoid_dynamic", overrides=overrides).run(
         duration=0.1, start=part.final_state, start_time="keep"
     )
+
     assert (kept.ending, kept.stopped_by) == ("monitor", "low")
     assert kept.start_time == 0.3
 
@@ -195,6 +223,7 @@ def test_a_new_monitor_that_ends_the_run_within_the_repeated_steps_is_no_interru
 def test_what_cannot_be_resumed():
     runner = Runner(load_station("bouncing_ball"))
     part = runner.run(duration=0.2)
+
     with pytest.raises(
         SimrobError, match=r"until is 0.1 s; it must be later than the end of the run, 0.2 s"
     ):
@@ -207,6 +236,7 @@ def test_what_cannot_be_resumed():
         runner.run(start_time="keep")
     with pytest.raises(SimrobError, match="start_time"):
         runner.run(start=part.final_state, start_time="forever")
+
     stopped = Runner(load_station("irb120_force_stop")).run()
     assert stopped.ending == "monitor"
     with pytest.raises(SimrobError, match="ended early"):
@@ -221,6 +251,7 @@ def test_a_context_later_than_zero_is_where_a_diagram_begins():
     simulator = Simulator(closed.diagram)
     simulator.AdvanceTo(0.5)
     whole = simulate(config, duration=1.5, progress=False)
+
     late = simulate_diagram(
         closed.diagram,
         closed.ports,
@@ -228,6 +259,7 @@ def test_a_context_later_than_zero_is_where_a_diagram_begins():
         context=simulator.get_context().Clone(),
         progress=False,
     )
+
     assert (late.start_time, late.stop_time) == (0.5, 1.5)
     assert late.config.duration == 1.0
     later = whole.times >= 0.5
@@ -239,7 +271,9 @@ def test_a_late_run_is_drawn_and_saved(tmp_path):
     runner = Runner(load_station("humanoid_dynamic"))
     part = runner.run(duration=0.3)
     late = runner.run(duration=0.3, start=part.final_state, start_time="keep")
+
     folder = late.save(tmp_path / "late")
+
     page = (folder / "recording.html").read_text()
     assert '"begin": 0.3, "end": 0.6' in page
     assert late.verdict.ended

@@ -101,7 +101,9 @@ def test_every_run_is_that_of_simulate_in_any_order(name):
     expected = [simulated(config, **case) for case in cases]
     runner = Runner(config)
     order = [*range(len(cases)), *random.Random(1).sample(range(len(cases)), len(cases))]
+
     results = [(place, runner.run(**cases[place])) for place in order]
+
     for place, result in results:
         assert_equal(result, expected[place])
 
@@ -109,6 +111,7 @@ def test_every_run_is_that_of_simulate_in_any_order(name):
 def test_a_sine_gives_way_to_other_references_and_comes_back():
     config = station("sine")
     runner = Runner(config)
+
     other = (np.array([0.0, 0.1]), np.outer([0, 0.1], np.ones(6)))
     for reference in (None, other, None, other):
         assert_equal(
@@ -153,7 +156,9 @@ def test_runs_that_go_on_are_one_run():
     whole = runner.run(reference=reference, duration=0.2)
     first = runner.run(reference=reference, duration=0.1)
     rest = (np.array([0.0, 0.3]), np.outer([0.1, 0.4], np.ones(6)))
+
     second = runner.run(reference=rest, duration=0.1, start=first.final_state)
+
     np.testing.assert_allclose(second.axes("q")[1:], whole.axes("q")[11:], atol=1e-13)
 
 
@@ -186,6 +191,7 @@ def test_a_hundred_runs_need_no_more_memory(name):
     done = subprocess.run(
         [sys.executable, "-c", MEASURE, name], check=True, capture_output=True, text=True
     )
+
     found = json.loads(done.stdout)
     assert found["more"] <= 0
     assert found["grown"] < 100 * 0.1  # MB
@@ -203,7 +209,9 @@ class TestPushesUnderCenic:
         )
         cut = simulate(config, progress=False)
         closed = closed_station(resolve(config), monitors=False)
+
         wired = simulate_diagram(closed.diagram, closed.ports, progress=False)
+
         assert np.ptp(cut["base.x"]) > 5e-4
         np.testing.assert_allclose(cut.axes("q"), wired.axes("q"), atol=1e-6)
         # to which cenic solves for velocities
@@ -235,7 +243,9 @@ class TestPushesUnderCenic:
             "bouncing_ball", {**alone, "solver": solver, "forces": {"push": push}, "duration": 0.3}
         )
         result = simulate(config, progress=False)
+
         mass = result.plant.plant.CalcTotalMass(result.plant.plant.CreateDefaultContext())
+
         np.testing.assert_allclose(
             mass * result.piece_velocity("ball")[-1, :3], force * 0.1, rtol=1e-9
         )
@@ -268,7 +278,9 @@ class TestPushesUnderCenic:
         positions, velocities = result.final_state.of_plant(result.plant)
         plant.SetPositions(context, positions)
         plant.SetVelocities(context, velocities)
+
         momentum = plant.CalcSpatialMomentumInWorldAboutPoint(context, np.zeros(3)).translational()
+
         np.testing.assert_allclose(momentum, force * 0.1, rtol=1e-3)
 
 
@@ -287,6 +299,7 @@ class Told(LeafSystem):
 class TestBadInput:
     def test_a_push_that_cannot_be(self):
         runner = Runner(station("arm"))
+
         with pytest.raises(SimrobError, match="pushes: shove"):
             runner.run(pushes={"shove": {"force": [1, 2]}})
         with pytest.raises(SimrobError, match="pushes: shove"):
@@ -299,6 +312,7 @@ class TestBadInput:
     def test_blocks_of_ones_own_stand_in_one_diagram(self):
         runner = Runner(station("discrete"), blocks={"told": Told()})
         first = runner.run()
+
         assert_equal(runner.run(), first)
         np.testing.assert_array_equal(first["told.twice.joint_2"], 2 * first["q.joint_2"])
         with pytest.raises(SimrobError, match="a block can be in one diagram only"):
@@ -307,7 +321,9 @@ class TestBadInput:
     def test_a_run_that_is_refused_spoils_no_other(self):
         config = station("discrete")
         runner = Runner(config)
+
         before = runner.run()
+
         for wrong in (
             {"duration": -1},
             {"reference": np.zeros((3, 3))},
@@ -322,7 +338,9 @@ class TestBadInput:
         wild["solver"] = {"kind": "continuous", "scheme": "explicit_euler", "max_step": 0.01}
         runner = Runner(load_station("irb120_dynamic", wild))
         jump = (np.array([0.0, 0.01, 1.0]), np.outer([0, 1, 1], np.ones(6)))
+
         first, second = (runner.run(reference=jump, duration=0.5) for _ in range(2))
+
         assert first.ending == "diverged"
         assert_equal(first, second)
 
@@ -335,7 +353,9 @@ def test_pushes_are_those_of_the_run_for_which_a_diagram_is_first_needed():
     )
     runner = Runner(config)
     runner.run()
+
     other = {"push": {"start": 0.02, "force": [0, 5, 0]}}
+
     assert np.array_equal(runner.run(pushes=other).values, Runner(config).run(pushes=other).values)
 
 

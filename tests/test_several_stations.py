@@ -40,7 +40,9 @@ def test_two_stations_in_one_builder_move_as_each_alone():
     second = add_station(builder, second_config, name="moon")
     hold(builder, first)
     hold(builder, second)
+
     diagram = builder.Build()
+
     assert diagram.HasSubsystemNamed("earth.plant")
     assert diagram.HasSubsystemNamed("moon.plant")
     for ports, config in ((first, first_config), (second, second_config)):
@@ -58,7 +60,9 @@ def test_sensors_read_the_contacts_of_their_own_station():
     low = load_station("bouncing_ball", {"duration": 0.3, "gravity": 0.5})
     falls = add_station(builder, config)
     floats = add_station(builder, low, name="low")
+
     diagram = builder.Build()
+
     for ports, own in ((falls, config), (floats, low)):
         result = simulate_diagram(diagram, ports, duration=0.3, progress=False)
         forces = [name for name in result.names if name.startswith("force.")]
@@ -72,8 +76,11 @@ def test_a_state_goes_from_a_named_station_to_one_without_a_name():
     builder = DiagramBuilder()
     ports = add_station(builder, arm(**{"servo.ki": 100}), name="left")
     hold(builder, ports)
+
     result = simulate_diagram(builder.Build(), ports, duration=0.2, progress=False)
+
     assert not any(name.startswith("left.") for name in result.final_state.blocks)
+
     goes_on = simulate(
         arm(**{"servo.ki": 100}), start=result.final_state, duration=0.01, progress=False
     )
@@ -86,7 +93,9 @@ def test_a_station_beside_a_plant_of_ones_own():
     plant.Finalize()
     ports = add_station(builder, arm(), name="arm")
     hold(builder, ports)
+
     result = simulate_diagram(builder.Build(), ports, duration=0.1, progress=False)
+
     np.testing.assert_allclose(result.axes("q"), alone(arm(), 0.1).axes("q"), atol=1e-9)
 
 
@@ -94,7 +103,9 @@ def test_a_station_beside_a_plant_of_ones_own():
 def test_a_clash_is_refused_at_the_call(name):
     builder = DiagramBuilder()
     add_station(builder, arm(), name=name)
+
     names = [system.get_name() for system in builder.GetSystems()]
+
     expected = "arm.plant, arm.scene_graph" if name else "plant, scene_graph"
     with pytest.raises(SimrobError, match=rf"already has systems named {expected}; .*name="):
         add_station(builder, arm(), name=name)

@@ -98,7 +98,9 @@ def test_a_station_in_a_plant_of_ones_own_moves_as_by_itself(station, overrides)
 def test_an_arm_and_a_humanoid_share_a_world():
     arm = load_station("irb120_dynamic", {**WALL_STATION, "robot.base": [0, -1.5, 0, 0, 0, 0]})
     humanoid = load_station("humanoid_dynamic", {"solver": DISCRETE["solver"]})
+
     diagram, ports = world_of(man=humanoid, arm=arm)
+
     for name, config in (("man", humanoid), ("arm", arm)):
         together = simulate_diagram(diagram, ports[name], duration=0.2, progress=False)
         by_itself = alone(config, 0.2)
@@ -120,7 +122,9 @@ def test_stops_and_forces_of_two_stations_act_on_their_own_joints():
     second = load_station("irb120_dynamic", {"robot.base": [0, 1.5, 0, 0, 0, 0]})
     diagram, ports = world_of(limp=first, stiff=second)
     result = simulate_diagram(diagram, ports["limp"], duration=0.6, progress=False)
+
     by_itself = alone(first, 0.6)
+
     # Joint 3 falls onto its upper stop of 70 degrees. The step length differs, since both arms share it.
     highest = np.rad2deg(result["q.joint_3"].max())
     assert highest == pytest.approx(np.rad2deg(by_itself["q.joint_3"].max()), abs=0.05)
@@ -145,7 +149,9 @@ def test_two_arms_in_one_world_collide(distance):
         source = builder.AddSystem(ConstantVectorSource(angle * np.eye(6)[0]))
         builder.Connect(source.get_output_port(), own.inputs["reference"])
     diagram = builder.Build()
+
     results = [simulate_diagram(diagram, own, duration=0.5, progress=False) for own in ports]
+
     reached = results[0]["q.joint_1"][-1]
     moved = np.abs(results[1]["q.joint_1"]).max()
     if distance == 0.5:
@@ -163,7 +169,9 @@ def test_contact_sensors_and_floor_are_those_of_the_world():
     heavy = load_station(
         "box_on_floor", {"contact": contact, "pieces.box.pose": [1, 0, 0.1, 0, 0, 0]}
     )
+
     diagram, ports = world_of(left=light, right=heavy)
+
     for own in ports.values():
         result = simulate_diagram(diagram, own, duration=0.5, progress=False)
         assert result["force.floor.z"][-1] == pytest.approx(2.0 * 9.80665, rel=1e-2)
@@ -209,7 +217,9 @@ def test_hooks_are_called_in_order():
         ),
         prebuild=lambda builder: calls.append(("prebuild", builder.HasSubsystemNamed("plant"))),
     )
+
     empty = MultibodyPlant(0.0).num_model_instances()
+
     assert calls == [("preload", empty), ("prefinalize", empty + 1), ("prebuild", True)]
     assert station.ports.plant.plant.is_finalized()
 
@@ -222,16 +232,23 @@ def test_a_body_of_ones_own_has_no_stops_of_the_station():
     inertia = SpatialInertia(1.0, np.zeros(3), UnitInertia.SolidBox(0.1, 0.1, 0.1))
     slider = plant.AddRigidBody("puck", plant.AddModelInstance("puck"), inertia)
     plant.AddJoint(PlanarJoint("slide", plant.world_frame(), slider.body_frame(), [0, 0, 0]))
+
     placed = place_station(plant, config, scene_graph=scene_graph)
+
     assert isinstance(placed, PlacedStation)
     assert list(placed.robots) == ["robot"]
+
     plant.Finalize()
     ports = placed.wire(builder)
     hold(builder, ports)
+
     joints = [joint.name() for joint in ports.plant.joints if joint.num_velocities()]
+
     assert joints == [f"joint_{number}" for number in range(1, 7)]
+
     result = simulate_diagram(builder.Build(), ports, duration=0.1, progress=False)
     expected = alone(config, 0.1)
+
     np.testing.assert_allclose(result.values, expected.values, atol=1e-6)
 
 
@@ -249,7 +266,9 @@ def test_forces_of_ones_own_are_kept():
     builder.Connect(nothing.get_output_port(), plant.get_applied_spatial_force_input_port())
     ports = placed.wire(builder)
     hold(builder, ports)
+
     result = simulate_diagram(builder.Build(), ports, duration=0.1, progress=False)
+
     np.testing.assert_array_equal(result.values, alone(config, 0.1).values)
 
 
@@ -257,11 +276,14 @@ def test_a_result_is_pickled_as_that_of_the_station_alone():
     humanoid = load_station("humanoid_dynamic", {"solver": DISCRETE["solver"]})
     arm = load_station("irb120_dynamic", {**WALL_STATION, "robot.base": [0, -1.5, 0, 0, 0, 0]})
     diagram, ports = world_of(man=humanoid, arm=arm)
+
     result = simulate_diagram(diagram, ports["arm"], duration=0.1, progress=False)
+
     assert result.positions_at(result.times[-1:]).shape == (
         1,
         ports["arm"].plant.plant.num_positions(),
     )
+
     read = pickle.loads(pickle.dumps(result))
     np.testing.assert_allclose(read.positions_at(read.times), result.axes("q"), atol=1e-15)
 
@@ -270,7 +292,9 @@ def test_a_result_is_pickled_as_that_of_the_station_alone():
 def test_a_result_is_saved_with_a_recording(tmp_path):
     arm = load_station("irb120_dynamic", {"robot.base": [0, -1.5, 0, 0, 0, 0]})
     diagram, ports = world_of(other=load_station("irb120_dynamic"), arm=arm)
+
     result = simulate_diagram(diagram, ports["arm"], duration=0.1, progress=False)
+
     assert (result.save(tmp_path / "run") / "recording.html").stat().st_size > 10_000
 
 
@@ -280,7 +304,9 @@ def test_cenic_with_a_plant_of_another_name():
     plant, _ = add_world(builder, config)
     ports = add_station(builder, config, plant=plant)
     hold(builder, ports)
+
     plant.set_name("world")
+
     with pytest.raises(
         SimrobError,
         match=r"needs a single plant in the simulated diagram, named plant.*the diagram has: world",
@@ -305,6 +331,7 @@ class TestErrors:
         plant.Finalize()
         with self.refused("the plant is finalized already.*call plant.Finalize\\(\\) after"):
             place_station(plant, self.config, scene_graph=scene_graph)
+
         with self.refused("the plant is finalized already"):
             add_station(builder, self.config, plant=plant)
 
@@ -326,6 +353,7 @@ class TestErrors:
         plant.Finalize()
         with self.refused("MultibodyPlant is not in this builder"):
             placed.wire(DiagramBuilder())
+
         with self.refused("no scene graph of the plant"):
             add_station(DiagramBuilder(), self.config, plant=MultibodyPlant(0.0))
 
@@ -334,6 +362,7 @@ class TestErrors:
         place_station(plant, self.config, scene_graph=scene_graph, name="arm")
         with self.refused("already has a station named 'arm'.*name=\"arm_2\""):
             place_station(plant, self.config, scene_graph=scene_graph, name="arm")
+
         with self.refused("already has systems named plant, scene_graph"):
             add_world(builder, self.config)
 
@@ -342,6 +371,7 @@ class TestErrors:
         placed = place_station(plant, self.config, scene_graph=scene_graph)
         plant.Finalize()
         placed.wire(builder)
+
         with self.refused("wired already"):
             placed.wire(builder)
 
@@ -361,6 +391,7 @@ class TestErrors:
         _, plant, scene_graph = self.world()
         name = "irb120_kinematic" if "mode" in overrides else "irb120_dynamic"
         other = load_station(name, {} if "mode" in overrides else overrides)
+
         with self.refused(match):
             place_station(plant, other, scene_graph=scene_graph)
 
@@ -368,6 +399,7 @@ class TestErrors:
         _, plant, scene_graph = self.world()
         place_station(plant, self.config, scene_graph=scene_graph)
         other = load_station("irb120_dynamic", {"solver.scheme": "runge_kutta3"})
+
         with self.refused("solver of irb120_dynamic differs from that of irb120_dynamic"):
             place_station(plant, other, scene_graph=scene_graph, name="other")
 
@@ -375,6 +407,7 @@ class TestErrors:
         _, plant, scene_graph = self.world()
         place_station(plant, self.config, scene_graph=scene_graph)
         other = load_station("irb120_dynamic", {"floor.incline_deg": 5})
+
         with self.refused("floor or contact of .* differs"):
             place_station(plant, other, scene_graph=scene_graph, name="other")
 

@@ -48,6 +48,7 @@ def test_a_mistake_of_a_user_has_one_traceback(tmp_path, mistake):
     error = raised.value
     assert error.__cause__ is None
     assert error.__context__ is None or error.__suppress_context__
+
     shown = "".join(traceback.format_exception(error))
     assert shown.count("Traceback (most recent call last)") == 1
 

@@ -29,8 +29,10 @@ def test_the_move_ends_where_the_torques_hold_it(moved):
     assert moved.ending == "completed"
     # facts of the arm: -20.79 N·m at 30 deg
     assert moved["tau.joint_2"][-1] == pytest.approx(-20.8, abs=0.2)
+
     position, torque = moved.axes("q")[-1], moved.axes("tau")[-1]
     expected = holding_torque(moved.plant, moved.plant.robots["robot"], position)
+
     np.testing.assert_allclose(torque, expected, rtol=0.01, atol=1e-3)
     # sag = torque / kp
     np.testing.assert_allclose(moved.axes("q_ref")[-1] - position, torque / 1000, atol=1e-5)
@@ -83,10 +85,12 @@ def test_a_weak_motor_lets_the_arm_fall_to_its_stop(overloaded):
     tight = simulate(
         load_station("irb120_dynamic", {"servo.torque_limit": 10, "sample_rate": 1000, **TIGHT})
     )
+
     assert overloaded["tau.joint_2"][-1] == pytest.approx(-10)
     assert np.rad2deg(overloaded["q.joint_2"][-1]) == pytest.approx(110, abs=0.1)
     assert first_time(overloaded, 109.9) == pytest.approx(first_time(tight, 109.9), abs=0.03)
     assert np.abs(overloaded.axes("tau")).max() <= 10 + 1e-9
+
     others = np.abs(overloaded.axes("q") - overloaded.axes("q_ref"))[:, [0, 3, 4, 5]]
     assert others.max() > np.deg2rad(0.5)  # they are disturbed
 
@@ -106,6 +110,7 @@ def test_without_damping_joint_2_keeps_swinging():
         overrides = {"servo.kd": 0, **({"pieces": {}} if pieces == "bare" else {})}
         result = simulate(load_station("irb120_dynamic", overrides))
         swings[pieces] = np.rad2deg(np.ptp(result["q.joint_2"][result.times >= 2]))
+
     assert swings["loaded"] == pytest.approx(5.85, abs=0.3)
     assert swings["bare"] == pytest.approx(3.42, abs=0.2)
 
@@ -126,7 +131,9 @@ def test_the_free_pendulum_loses_what_its_damping_takes():
         plant.SetPositions(context, q)
         plant.SetVelocities(context, v)
         energy.append(plant.CalcPotentialEnergy(context) + plant.CalcKineticEnergy(context))
+
     power = 0.01 * (result.axes("v") ** 2).sum(axis=1)  # B = 0.01 N·m·s/rad in both joints
+
     lost = np.concatenate([[0.0], np.cumsum((power[1:] + power[:-1]) / 2 * np.diff(result.times))])
     assert lost[-1] > 0.01
     np.testing.assert_allclose(np.array(energy) + lost, energy[0], atol=1e-4 * lost[-1] + 2e-6)
@@ -135,6 +142,7 @@ def test_the_free_pendulum_loses_what_its_damping_takes():
 def test_the_pendulum_reaches_its_reference():
     result = simulate(load_station("double_pendulum"))
     expected = holding_torque(result.plant, result.plant.robots["robot"], result.axes("q")[-1])
+
     # Kw/Kp: a lag of 1 s fades
     np.testing.assert_allclose(result.axes("tau")[-1], expected, rtol=0.05, atol=1e-4)
     np.testing.assert_allclose(np.rad2deg(result.axes("q")[-1]), [70, 60], atol=0.5)
@@ -142,6 +150,7 @@ def test_the_pendulum_reaches_its_reference():
 
 def test_the_kinematic_arm_follows_exactly_and_feels_its_weight():
     result = simulate(load_station("irb120_kinematic"))
+
     np.testing.assert_array_equal(result.axes("q"), result.axes("q_ref"))
     assert result["tau.joint_2"][-1] == pytest.approx(-20.79, abs=0.01)  # facts of the arm
     assert result["tau.joint_3"][-1] == pytest.approx(-9.61, abs=0.01)
@@ -151,6 +160,7 @@ def test_the_kinematic_arm_follows_exactly_and_feels_its_weight():
 def test_the_discrete_solver_comes_to_the_same_end(moved):
     overrides = {"solver.kind": "discrete", "servo.realization": "implicit"}
     result = simulate(load_station("irb120_dynamic", overrides))
+
     np.testing.assert_allclose(result.axes("q")[-1], moved.axes("q")[-1], atol=1e-4)
     np.testing.assert_allclose(result.axes("tau")[-1], moved.axes("tau")[-1], atol=0.05)
     assert np.diff(result.step_times) == pytest.approx(1e-3)
@@ -176,6 +186,7 @@ def test_on_step_sees_every_step(moved):
         duration=0.5,
         on_step=lambda time, q: seen.append((time, q[1])),
     )
+
     times, joint_2 = np.array(sorted(dict(seen).items())).T
     np.testing.assert_array_equal(times[1:], result.step_times[1:])
     np.testing.assert_allclose(joint_2[-1], result["q.joint_2"][-1])
@@ -190,7 +201,9 @@ class TestReferences:
             load_station("irb120_dynamic"), reference=(self.times, self.positions), duration=0.5
         )
         array = np.column_stack([self.times, self.positions])
+
         rows = simulate(load_station("irb120_dynamic"), reference=array, duration=0.5)
+
         np.testing.assert_array_equal(pair.values, rows.values)
         np.testing.assert_allclose(
             pair.axes("q_ref"), np.outer(pair.times, np.full(6, 0.2)), atol=1e-15
@@ -199,15 +212,19 @@ class TestReferences:
     def test_a_trajectory(self):
         trajectory = PiecewisePolynomial.FirstOrderHold(self.times, self.positions.T)
         result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.5)
+
         pair = simulate(
             load_station("irb120_dynamic"), reference=(self.times, self.positions), duration=0.5
         )
+
         np.testing.assert_array_equal(result.values, pair.values)
 
     def test_samples_are_joined_smoothly_where_the_torque_needs_an_acceleration(self):
         times = np.linspace(0, 1, 41)
         swing = np.outer(np.sin(3 * times), np.full(6, 0.2))
+
         result = simulate(load_station("irb120_kinematic"), reference=(times, swing), duration=1.0)
+
         np.testing.assert_allclose(result["v.joint_1"], 0.6 * np.cos(3 * result.times), atol=1e-3)
 
     @pytest.mark.parametrize(
@@ -243,6 +260,7 @@ class TestMonitors:
             "irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}}
         )
         result = simulate(config)
+
         assert (result.ending, result.stopped_by) == ("monitor", "joint_limit")
         assert (
             result.message
@@ -259,7 +277,9 @@ class TestMonitors:
             {"servo.torque_limit": 10, "monitors": {"torque_limit": {"hold": 0.2}}},
         )
         result = simulate(config)
+
         free = np.abs(overloaded.axes("tau")).max(axis=1) < 10 - 1e-6
+
         free_times = overloaded.times[free]
         # the first stretch that long; joint 2 lets go once before
         held = np.flatnonzero(np.diff(free_times) > 0.2)
@@ -270,18 +290,21 @@ class TestMonitors:
     def test_settled(self, moved):
         result = simulate(load_station("irb120_dynamic", {"monitors": {"settled": {"after": 1.0}}}))
         fast = np.abs(moved.axes("v")).max(axis=1) >= np.deg2rad(0.1)
+
         last_fast = moved.times[np.flatnonzero(fast)[-1]]
         assert result.stop_time == pytest.approx(last_fast + 0.2, abs=0.02)  # sampled at 100 Hz
 
     def test_none_fires_where_none_must(self, moved):
         monitors = {"joint_limit": {}, "torque_limit": {}, "divergence": {}}
         result = simulate(load_station("irb120_dynamic", {"monitors": monitors}))
+
         assert result.ending == "completed"
         np.testing.assert_array_equal(result.values, moved.values)  # watching changes nothing
 
     def test_a_violation_at_the_start_ends_the_run_there(self):
         config = load_station("irb120_dynamic", {"monitors": {"joint_limit": {"margin_deg": 75}}})
         result = simulate(config)
+
         assert (result.stop_time, result.stopped_by) == (0.0, "joint_limit")
         assert "joint_3" in result.message
 
@@ -317,6 +340,7 @@ class TestMonitors:
                 "irb120_dynamic", {**overrides, "monitors": {"joint_limit": {"margin_deg": 5}}}
             )
         )
+
         assert result.stopped_by == "joint_limit"
         position = np.rad2deg(result["q.joint_2"])
         assert position[-1] >= 105 > position[-2]
@@ -335,6 +359,7 @@ class TestMonitors:
         result = simulate(
             load_station("irb120_on_belt", {**there, "monitors": {"joint_limit": margins}})
         )
+
         assert result.stopped_by == stopped_by
         assert result["q.belt"][-1] == pytest.approx(1.1 if stopped_by else 1.2, abs=1e-3)
 
@@ -358,7 +383,9 @@ class TestMonitors:
             "reference": {"kind": "hold", "target_deg": {"belt": 0.6}},
             "monitors": {"settled": {"speed_deg": 5, "speed_m": 0.05, **bounds}},
         }
+
         result = simulate(load_station("irb120_on_belt", {**weak, **there}), duration=1.0)
+
         assert (result.stopped_by == "settled") is settles
 
     def test_an_axis_that_creeps_stands_still_up_to_its_bound(self):
@@ -382,6 +409,7 @@ class TestDivergence:
             "servo.torque_limit": 1e12,
         }
         result = simulate(load_station("irb120_dynamic", overrides))
+
         assert (result.ending, result.stopped_by) == ("diverged", "diverged")
         assert 0 < result.stop_time < 1
         assert np.isfinite(result.values).all()
@@ -390,7 +418,9 @@ class TestDivergence:
     def test_a_run_of_too_long_steps_says_that_it_cannot_be_trusted(self):
         overrides = {"solver.kind": "discrete", "solver.time_step": 0.01}
         explicit = simulate(load_station("irb120_dynamic", overrides), duration=0.1)
+
         assert "unstable with steps above" in explicit.warnings[0]
+
         implicit = load_station("irb120_dynamic", {**overrides, "servo.realization": "implicit"})
         assert simulate(implicit, duration=0.1).warnings == []
 
@@ -426,7 +456,9 @@ def test_a_gripper_that_may_touch_comes_to_rest_on_the_floor():
         "solver": {"kind": "discrete", "scheme": "sap", "time_step": 2e-3},
     }
     through = simulate(load_station("irb120_dynamic", overrides))
+
     onto = simulate(load_station("irb120_dynamic", {**overrides, "contact": {"model": "point"}}))
+
     assert through.pose("tcp")[-1, 2] < -0.05
     assert onto.pose("tcp")[-1, 2] > -0.01
 

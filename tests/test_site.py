@@ -80,6 +80,7 @@ def test_formulas_and_roles_of_docstrings_become_markdown():
     text = markdown(
         "Speed :math:`v` of :class:`Arm`, by :func:`simrob_drake.simulate`:\n\n.. math:: a = b\n\nEnd."
     )
+
     assert "<math" in text
     assert 'display="block"' in text
     assert "<code>Arm</code>, by <autoref" in text
@@ -125,9 +126,11 @@ def test_the_links_of_a_finished_site_are_looked_at(tmp_path):
         '<a href="b.html#here">x</a><a href="b.html#gone">x</a><a href="c.html">x</a>'
     )
     (tmp_path / "d.html").write_text('<html lang="en"><a href="d.html" hreflang="es">x</a>')
+
     (tmp_path / "b.html").write_text(
         '<p id="here"></p><a href="https://drake.mit.edu">x</a><script src="//cdn/x.js">'
     )
+
     assert list(links.findings(tmp_path)) == [
         "a.html: b.html#gone: there is no such place on that page",
         "a.html: c.html leads nowhere",
@@ -139,7 +142,9 @@ def test_the_links_of_a_finished_site_are_looked_at(tmp_path):
 def test_every_page_stands_in_the_navigation():
     lines = (ROOT / "mkdocs.yml").read_text(encoding="utf-8")
     named = set(re.findall(r"^ +- ([\w/-]+\.md)$", lines, re.MULTILINE))
+
     pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").glob("**/*.md")}
+
     assert {
         page for page in pages if page.split("/")[0] not in ("es", "lessons", "course")
     } <= named
@@ -160,6 +165,7 @@ def test_the_spanish_site_is_built_as_the_english_one():
 def test_every_table_of_results_says_its_command(page):
     whole, *sections = re.split(r"^#{2,} ", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
     command = re.compile(r"`(simrob|python|make) [^`]+`")
+
     assert all("|---" not in text or command.search(text) for text in sections), page
     assert "| ---" not in whole or command.search(whole)
 
@@ -174,7 +180,9 @@ def test_every_table_of_results_says_its_command(page):
 def test_the_page_of_walking_names_keys_that_there_are(page, start, end):
     text = (ROOT / page).read_text(encoding="utf-8")
     part = text[text.index(start) : text.index(end)]
+
     sections = keys.schemas()["gaits"]["$defs"]
+
     known = {
         key for name in ("WalkingParameters", "Feedback") for key in sections[name]["properties"]
     }

@@ -79,6 +79,7 @@ def said_of(config, stop=0.5, **options):
 
 def test_a_released_piece_that_creeps_is_blamed_with_what_it_lies_on(impatient):
     (said,), result = said_of(pallet())
+
     assert result.ending == "interrupted"
     assert said.startswith("box_on_floor runs at ")
     assert "the contact of pallet and parcel makes radau3 take steps of " in said
@@ -100,7 +101,9 @@ def test_a_run_of_dear_steps_says_what_they_cost(impatient, monkeypatch):
     monkeypatch.setattr(pace, "_HALF", 0.0)  # the largest part, however large
     # which may cost as much, on some machines
     monkeypatch.setattr(pace.Slow, "_find_contacts", lambda *_: None)
+
     (said,), _ = said_of(load_station("roid1_walking", {"duration": 1.0}))
+
     assert "each step of 0.0" in said
     assert "of which the block controller.walk takes " in said
     assert "lower controllers.walk.rate" in said
@@ -115,8 +118,10 @@ def test_steps_of_one_length_can_be_longer(impatient):
 
 def test_looking_for_the_cause_changes_nothing(impatient, monkeypatch):
     runner = Runner(pallet(duration=0.004))
+
     with pytest.warns(SlowRunWarning):
         looked = runner.run()
+
     monkeypatch.setattr(pace, "_PATIENCE", 1e9)
     np.testing.assert_array_equal(runner.run().values, looked.values)
 
@@ -135,7 +140,9 @@ def test_a_busy_machine_is_blamed_only_if_a_whole_processor_would_do(
     context = watch._built().diagram.CreateDefaultContext()
     context.SetTime(0.01)
     watch._wall_time, watch._processor_time, watch._steps = 10.0, 0.1, 10
+
     complaint = watch._slow_run_message(context)
+
     assert complaint.startswith(
         "irb120_dynamic runs at 0.001 × real time with 1 % of a processor (0.1 × with a whole"
     )
@@ -148,7 +155,9 @@ def test_a_pause_does_not_count(impatient, monkeypatch):
     clock = iter(np.arange(0.0, 1e6, 1.0))
     monkeypatch.setattr(pace, "monotonic", lambda: float(next(clock)))
     monkeypatch.setattr(pace, "process_time", lambda: 0.0)
+
     said, result = said_of(load_station("irb120_dynamic", {"duration": 0.1}))
+
     assert said == []
     assert result.ending == "completed"
 
@@ -156,12 +165,14 @@ def test_a_pause_does_not_count(impatient, monkeypatch):
 def test_a_command_warns_once(impatient, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(pace, "_BUSY", 1e9)
+
     assert (
         run_command(
             ["run", "irb120_dynamic", "--duration", "0.3", "--no-recording", "--plots", "svg"]
         )
         == 0
     )
+
     said = " ".join(capsys.readouterr().err.split())
     assert "warning irb120_dynamic runs at " in said
     assert said.count("warning") == 1, said

@@ -125,6 +125,7 @@ def test_no_message_gives_an_order_to_tu():
     english_order = re.compile(rf"{CLAUSE}(?:{ENGLISH_IMPERATIVES})\b", re.IGNORECASE)
     order_to_tu = re.compile(rf"{CLAUSE}(?:{IMPERATIVES})\b(?![/.=_])", re.IGNORECASE)
     found = {}
+
     for message_id, own in templates().items():
         (english,) = own
         spanish = catalogue(message_id.partition(".")[0], "es").get(message_id, "")
@@ -133,4 +134,5 @@ def test_no_message_gives_an_order_to_tu():
             orders = order_to_tu.findall(spanish)
             if orders:
                 found[message_id] = spanish
+
     assert found == {}

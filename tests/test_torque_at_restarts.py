@@ -72,7 +72,9 @@ def test_a_run_that_goes_on_has_the_torques_of_the_whole(solver: str) -> None:
     runner = arm_in_motion(SOLVERS[solver])
     first, second = run_in_two(runner)
     torque = join_runs([first, second]).axes("tau")
+
     whole = runner.run().axes("tau")
+
     row = round(RESTART * first.config.sample_rate)
     # Under cenic the last step before the restart is cut to 4 ms: an error of 3 N·m of 18.
     bound = 4.0 if solver == "cenic" else 0.5
@@ -93,7 +95,9 @@ def test_torques_at_the_edges_of_a_push_are_those_of_the_motion() -> None:
     runner = arm_in_motion(CENIC)
     push = {"at": "link_6", "start": 0.05, "duration": 0.2, "force": [TINY_FORCE, 0, 0]}
     pushed = runner.run(pushes={"touch": push}, ticks=Ticks(0.05))
+
     plain = runner.run(ticks=Ticks(0.05))
+
     np.testing.assert_allclose(pushed.axes("tau"), plain.axes("tau"), atol=0.01)
     assert largest_jump(pushed.axes("tau")[pushed.times > 0.06]) < 1.0
 
@@ -117,11 +121,14 @@ def test_torques_at_a_change_of_gains_are_those_of_the_new_gains() -> None:
     with_change = Program.model_validate({"moves": moves, "grid": 0.05, "changes": [change]})
     without = Program.model_validate({"moves": moves, "grid": 0.05})
     changed = Workcell(station).perform(with_change)
+
     same = Workcell(station).perform(without)
+
     np.testing.assert_allclose(changed.axes("q"), same.axes("q"), atol=1e-5)
     # At the change stands the torque of the step that begins, one step later than in the
     # other run: 1.5 N·m further along.
     np.testing.assert_allclose(changed.axes("tau"), same.axes("tau"), atol=2.0)
+
     largest_of_steps = np.abs(np.diff(same.axes("tau"), axis=0)).max()
     assert np.abs(np.diff(changed.axes("tau"), axis=0)).max() < 1.5 * largest_of_steps
 
@@ -131,7 +138,9 @@ def test_steps_of_rounding_length_are_no_steps() -> None:
     times = np.array([0.0, 0.1, 0.1 + 1e-15, 0.2])
     states = np.array([[0.0], [1.0], [2.0], [3.0]])
     history = StateHistory(times, states)
+
     steps = history.steps(np.array([0.0, 0.05, 0.1, 0.1 + 1e-15, 0.15, 0.2]))
+
     np.testing.assert_array_equal(steps.continuous[:, 0], [0, 1, 1, 1, 3, 3])
     np.testing.assert_allclose(steps.times, [0, 0, 0, 0, 0.1, 0.1])
 
@@ -139,7 +148,9 @@ def test_steps_of_rounding_length_are_no_steps() -> None:
 def test_the_start_of_a_run_that_goes_on_belongs_to_its_first_step() -> None:
     history = StateHistory(np.array([0.0, 1e-16, 0.1, 0.2]), np.array([[0.0], [1.0], [2.0], [3.0]]))
     steps = history.steps(np.array([0.0, 0.05, 0.15]), begins_in_motion=True)
+
     np.testing.assert_array_equal(steps.continuous[:, 0], [2, 2, 3])
+
     alone = StateHistory(np.array([0.0]), np.array([[7.0]]))
     assert alone.steps(np.array([0.0]), begins_in_motion=True).continuous[0, 0] == 7.0
 
@@ -152,6 +163,7 @@ def test_a_monitor_sees_the_torques_that_are_reported(limit: float) -> None:
     """
     monitor = {"kind": "torque_limit", "limit": {"joint_2": 40, "joint_3": limit}, "hold": 0}
     result = arm_in_motion(CENIC, monitors={"weak": monitor}).run()
+
     assert np.abs(result["tau.joint_3"]).max() == pytest.approx(6.86, abs=0.01)
     assert result.ending == "completed", result.message
 
@@ -161,6 +173,8 @@ def test_a_monitor_ends_a_run_where_the_reported_torque_is_beyond_its_limit() ->
     plain = arm_in_motion(CENIC).run()
     first = plain.times[np.abs(plain["tau.joint_2"]) > 15.0][0]
     monitor = {"kind": "torque_limit", "limit": {"joint_2": 15.0}, "hold": 0}
+
     stopped = arm_in_motion(CENIC, monitors={"weak": monitor}).run()
+
     assert stopped.ending == "monitor"
     assert stopped.stop_time == pytest.approx(first, abs=0.02)  # two steps

@@ -33,7 +33,9 @@ def test_a_robot_that_curls_up_as_it_falls_keeps_its_head_off_the_floor(robot, f
         "start": PUSHED,
         "force": [force * np.cos(turn), force * np.sin(turn), 0.0],
     }
+
     lowest = {}
+
     for guarded in (False, True):
         config = motion.station(
             {

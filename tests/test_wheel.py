@@ -54,8 +54,10 @@ def installed(tmp_path_factory):
 @pytest.mark.long
 def test_its_page_has_no_link_that_leads_nowhere(installed, tmp_path):
     (metadata,) = installed[1].glob("*.dist-info/METADATA")
+
     without = metadata.read_text()
     assert "Author: the simrob_drake developers" in without
+
     with zipfile.ZipFile(built(tmp_path, SIMROB_URL="https://example.org/it/")) as wheel:
         (name,) = (name for name in wheel.namelist() if name.endswith("dist-info/METADATA"))
         released = wheel.read(name).decode()
@@ -96,6 +98,7 @@ def test_each_robot_and_piece_has_its_licence_and_its_source():
     files = sorted((TOP / "models").glob("**/robot.yaml")) + sorted(
         (TOP / "models").glob("**/piece.yaml")
     )
+
     assert len(files) > 40
     for file in files:
         assert "# SPDX-License-Identifier: BSD-3-Clause\n" in file.read_text(), file

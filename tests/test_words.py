@@ -83,5 +83,6 @@ def test_classes_have_names_of_their_own():
         for node in ast.walk(tree):
             if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
                 places[node.name].append(f"{module}:{node.lineno}")
+
     equal = {name: where for name, where in places.items() if len(where) > 1}
     assert len(equal) <= OF_EQUAL_NAME, equal

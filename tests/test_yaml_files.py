@@ -48,6 +48,7 @@ def test_a_good_text_is_read_whole() -> None:
         "m.yaml",
     )
     machine = validate_section(Machine, content, "m.yaml")
+
     assert machine.speed == {"a": 1e-3}
     assert machine.drive == Fast(kind="fast", rate=2.0)
     assert machine.parts["arm"].size == (1.0, 2.0, 3.0)

@@ -128,6 +128,7 @@ def test_stiff_gains_are_safe_on_a_discrete_plant(
         add_pendulum, gains(kp=1e4, kd=1e3, limit=1e6), implicit=True, time_step=time_step
     )
     q, v, _ = motion(simulator, 3.0)
+
     sag = 9.80665 * 0.5 * np.sin(0.5) / 1e4
     assert q == pytest.approx(0.5 - sag, abs=1e-6)
     assert v == pytest.approx(0.0, abs=1e-6)
@@ -179,6 +180,7 @@ def test_the_torque_told_under_cenic_is_that_of_the_law(
         feedforward=feedforward,
     )
     q, v, torque = motion(simulator, 5e-3)
+
     law = 100 * (0.2 - q) + 50 * (1.0 - v) + (feedforward or 0.0)
     assert torque == pytest.approx(np.clip(law, -limit, limit), abs=1e-9)
     assert abs(torque) > 1  # the plant's own port would be 100 N m off here

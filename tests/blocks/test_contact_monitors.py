@@ -37,6 +37,7 @@ def judged(found, value):
 def test_contact_is_where_the_distance_is_gone(threshold, distance, holds):
     touching = condition("contact", distance=threshold)
     found, excess, why = judged(touching, [distance])
+
     assert touching.watched == {"distance.gap": 1}
     assert found is holds
     assert excess == pytest.approx(threshold - distance)
@@ -51,6 +52,7 @@ def test_contact_is_where_the_distance_is_gone(threshold, distance, holds):
 def test_a_force_counts_by_its_size(force, holds):
     pressing = condition("force_limit", limit=5)
     found, excess, why = judged(pressing, force)
+
     assert pressing.watched == {"force.touch": 3}
     assert found is holds
     assert excess == pytest.approx(np.linalg.norm(force) - 5)
@@ -152,6 +154,7 @@ def test_a_box_is_for_the_tool_in_use_a_named_one_or_a_free_piece():
 def test_a_fall_is_low_or_leans(where, reason):
     falls = condition("fall", height=0.3, tilt_deg=30)
     found, _, why = judged(falls, where)
+
     assert falls.watched == {"base_pose": 7}
     assert found is (reason is not None)
     if reason:
@@ -173,6 +176,7 @@ def test_a_body_that_is_nowhere_has_fallen(bad, place):
 def test_a_body_that_stands_on_its_side_leans_from_there():
     on_its_side = {"pieces.ball.pose": [0, 0, 1, 0, 0, np.pi / 2]}
     falls = condition("fall", "bouncing_ball", on_its_side, tilt_deg=float(np.rad2deg(0.2)))
+
     assert falls.watched == {"piece_pose.ball": 7}
     assert not judged(falls, pose(roll=np.pi / 2))[0]
     assert judged(falls, pose(roll=np.pi / 2 + 0.25))[0]

@@ -106,6 +106,7 @@ def cube():
 
 def test_the_forces_of_all_contacts_add_up(cube):
     force, moment = cube.wrench(body=cube.shapes)
+
     each = STIFFNESS * DEPTH
     np.testing.assert_allclose(force, [0, 0, 4 * each], atol=1e-9)
     np.testing.assert_allclose(moment, np.cross(BODY_IN_WORLD.translation(), force), atol=1e-9)
@@ -120,7 +121,9 @@ def test_a_part_feels_its_part_about_the_origin_of_its_frame(cube):
 def test_the_axes_are_those_of_the_frame(cube):
     turned = RigidTransform(RotationMatrix.MakeXRotation(np.pi / 2), np.array([0.1, 0.1, -0.1]))
     cube.plant.AddFrame(FixedOffsetFrame("hand", cube.body.body_frame(), turned))
+
     force, moment = cube.wrench(body=[cube.shapes[3]], frame="hand")
+
     # the world's z is the hand's y
     np.testing.assert_allclose(force, [0, STIFFNESS * DEPTH, 0], atol=1e-9)
     # its line goes through the hand's origin
@@ -156,7 +159,9 @@ def test_several_sensors_read_the_contacts_once(monkeypatch):
         name: {"kind": "force", "body": "ball", "other": "floor"}
         for name in ("first", "second", "third")
     }
+
     result = simulate(load_station("bouncing_ball", {"sensors": sensors}), duration=0.3)
+
     assert len(read) == len(result.times)
     assert result.vector("force.first").max() > 0
     np.testing.assert_array_equal(result.vector("force.first"), result.vector("force.third"))
@@ -180,7 +185,9 @@ def test_a_surface_is_felt_as_its_pressure_adds_up(normal_only):
     bench = Bench(model=ContactModel.kHydroelastic)
     bench.add(Box(0.2, 0.2, 0.2), np.zeros(3), modulus=1e5)
     pose = RigidTransform(np.array([0.0, 0.0, 0.1 - DEPTH]))
+
     force, moment = bench.wrench(body=bench.shapes, pose=pose, normal_only=normal_only)
+
     # integral of (0.2 - 2 s)² from 0 to x
     frustum = 0.04 * DEPTH - 0.4 * DEPTH**2 + 4 / 3 * DEPTH**3
     np.testing.assert_allclose(force, [0, 0, 1e5 / 0.1 * frustum], rtol=1e-3, atol=1e-6)
@@ -272,9 +279,11 @@ def test_a_distance_is_measured_between_bodies_and_to_the_floor():
     context = diagram.CreateDefaultContext()
     pose = RigidTransform(np.array([0.5, 0.0, 0.3]))
     bench.plant.SetFreeBodyPose(bench.plant.GetMyMutableContextFromRoot(context), bench.body, pose)
+
     floor, gap = (
         sensor.get_output_port().Eval(sensor.GetMyContextFromRoot(context))[0] for sensor in sensors
     )
+
     assert floor == pytest.approx(0.3 - RADIUS)
     assert gap == pytest.approx(1.0 - 0.1 - 0.5 - RADIUS)
 
@@ -283,7 +292,9 @@ def test_shapes_of_one_body_have_no_distance():
     bench = Bench()
     for place in (np.zeros(3), np.array([0.5, 0, 0])):
         bench.add(Sphere(RADIUS), place)
+
     bench.plant.Finalize()
+
     with pytest.raises(
         InvalidParameter, match=r"collisions of .* are filtered out; name two other bodies"
     ):

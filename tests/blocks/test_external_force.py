@@ -78,5 +78,7 @@ def test_each_component_pushes_along_its_own_axis_of_the_tcp(
     diagram.GetInputPort("force").FixValue(context, 5.0 * np.eye(3)[axis])
     forces = plant.get_applied_spatial_force_input_port().Eval(mine)
     total = sum(force.F_Bq_W.translational() for force in forces)
+
     rotation = plant.GetFrameByName("tcp").CalcRotationMatrixInWorld(mine).matrix()
+
     np.testing.assert_allclose(total, 5.0 * rotation[:, axis], atol=1e-12)

@@ -53,7 +53,9 @@ def test_its_speed_is_a_pi_law_whose_integral_acts_near_the_force_alone(arm):
     """The integral part only grows while the error is below 2 N, a fifth of the desired force."""
     loop = pressing(arm)
     path = 0.0
+
     drift = 0.0
+
     for force in (3.0, 7.9, 8.1, 9.5, 11.0, 12.1):
         error = FORCE - force
         expected_path = path + PERIOD * (KP * error + drift)

@@ -37,6 +37,7 @@ def pose(block: FramePoses, name: str, state: np.ndarray) -> np.ndarray:
 def test_the_pose_is_that_of_the_plant(plant: MultibodyPlant, name: str) -> None:
     block = block_of(plant)
     frame = plant.GetFrameByName(name)
+
     random = np.random.default_rng(7)
     for q in random.uniform(
         plant.GetPositionLowerLimits(), plant.GetPositionUpperLimits(), (20, 6)
@@ -53,6 +54,7 @@ def test_the_pose_is_that_of_the_plant(plant: MultibodyPlant, name: str) -> None
 def test_the_flange_of_the_irb120_points_down_at_home(plant: MultibodyPlant) -> None:
     home = np.concatenate([np.deg2rad([0, 0, 0, 0, 90, 0]), np.zeros(6)])
     found = pose(block_of(plant), "tool0", home)
+
     # the known pose of the flange
     np.testing.assert_allclose(found[:3], [0.302, 0, 0.558], atol=1e-12)
     np.testing.assert_allclose(np.abs(found[3:]), [0, 0, 1, 0], atol=1e-12)  # half a turn about y
@@ -61,7 +63,9 @@ def test_the_flange_of_the_irb120_points_down_at_home(plant: MultibodyPlant) -> 
 def test_one_evaluation_leaves_nothing_for_the_next(plant: MultibodyPlant) -> None:
     block = block_of(plant)
     before = pose(block, "tool0", np.zeros(12))
+
     pose(block, "tool0", np.full(12, 0.5))
+
     np.testing.assert_array_equal(pose(block, "tool0", np.zeros(12)), before)
 
 
@@ -104,5 +108,7 @@ def test_the_block_works_where_the_plant_is_part_of_the_diagram(
     builder.Connect(plant.get_state_output_port(), block.get_input_port())
     diagram = builder.Build()
     context = diagram.CreateDefaultContext()
+
     found = block.GetOutputPort("tip").Eval(block.GetMyContextFromRoot(context))
+
     np.testing.assert_allclose(found[:3], [0.374, 0, 0.630], atol=1e-12)

@@ -52,7 +52,9 @@ def arm(add_irb120: Callable[[DiagramBuilder], MultibodyPlant]) -> tuple[Multibo
 def test_inside_of_its_range_a_joint_feels_nothing(arm: tuple[MultibodyPlant, Diagram]) -> None:
     plant, diagram = arm
     lower = plant.GetPositionLowerLimits()
+
     upper = plant.GetPositionUpperLimits()
+
     random = np.random.default_rng(11)
     for _ in range(20):
         v = random.uniform(-5, 5, 6)
@@ -68,6 +70,7 @@ def test_outside_the_force_is_that_of_the_equation(arm: tuple[MultibodyPlant, Di
     upper = plant.GetPositionUpperLimits()
     random = np.random.default_rng(12)
     pushed = 0
+
     for _ in range(50):
         side = random.choice([lower, upper])
         q = side + random.normal(scale=0.01, size=6)
@@ -75,6 +78,7 @@ def test_outside_the_force_is_that_of_the_equation(arm: tuple[MultibodyPlant, Di
         expected = law(q, v, lower, upper)
         np.testing.assert_allclose(stop_force(plant, diagram, q, v), expected, rtol=1e-9, atol=1e-6)
         pushed += int((expected != 0).sum())
+
     assert 50 < pushed < 250  # of 300: both free and pushed joints were met
 
 
@@ -90,7 +94,9 @@ def test_each_joint_may_have_figures_of_its_own(
     if stops is not None:
         builder.Connect(stops, plant.get_applied_generalized_force_input_port())
     diagram = builder.Build()
+
     q = plant.GetPositionUpperLimits() + 0.1
+
     v = np.full(6, 0.2)
     np.testing.assert_allclose(stop_force(plant, diagram, q, v), -stiffness * 0.1 - damping * 0.2)
 
@@ -98,6 +104,7 @@ def test_each_joint_may_have_figures_of_its_own(
 def test_a_stop_only_pushes_and_never_pulls(arm: tuple[MultibodyPlant, Diagram]) -> None:
     plant, diagram = arm
     upper = plant.GetPositionUpperLimits()
+
     random = np.random.default_rng(13)
     for _ in range(50):
         q = upper + random.uniform(-0.01, 0.01, 6)
@@ -110,7 +117,9 @@ def test_one_sided_limits_have_one_stop(
 ) -> None:
     builder = DiagramBuilder()
     plant = add_pendulum(builder, limits=limits)
+
     diagram = with_stops(builder, plant)
+
     for q in (-1.0, 0.0, 1.0):
         expected = law(np.array([q]), np.zeros(1), np.array([limits[0]]), np.array([limits[1]]))
         np.testing.assert_allclose(stop_force(plant, diagram, np.array([q]), np.zeros(1)), expected)
@@ -119,7 +128,9 @@ def test_one_sided_limits_have_one_stop(
 def test_without_limits_there_are_no_blocks(add_pendulum: AddPendulum) -> None:
     builder = DiagramBuilder()
     plant = add_pendulum(builder)
+
     diagram = with_stops(builder, plant)
+
     assert not [system for system in diagram.GetSystems() if system.get_name().startswith("stops.")]
     assert not plant.get_applied_generalized_force_input_port().HasValue(
         plant.GetMyContextFromRoot(diagram.CreateDefaultContext())

@@ -387,9 +387,11 @@ def touchdown(**changed):
 
 def test_a_foot_that_touches_early_stays_and_then_comes_to_the_reference():
     step = touchdown()
+
     assert step(0.0, force=1)["phase"] == pytest.approx([2, 2])
     # on the way up what it still feels is no touch
     assert step(0.05, force=1)["phase"] == pytest.approx([0, 2])
+
     told = step(0.04)
     assert (told["phase"][0], told["offset"][0]) == (0, 0)
     for plan in (0.035, 0.02):  # it touched at 0.036 and stays there
@@ -410,7 +412,9 @@ def test_a_foot_that_touches_early_stays_and_then_comes_to_the_reference():
 def test_a_foot_that_finds_no_ground_goes_on_downward_as_far_as_it_may():
     step = touchdown()
     step(0.05)
+
     step(0.03)
+
     assert [round(float(step(0.0)["offset"][0]), 5) for _ in range(4)] == [
         -0.005,
         -0.01,
@@ -423,7 +427,9 @@ def test_a_foot_that_finds_no_ground_goes_on_downward_as_far_as_it_may():
 def test_a_foot_that_touches_may_keep_its_torques_instead():
     step = touchdown(holds="torques")
     step(0.05)
+
     step(0.04)
+
     assert step(0.03, force=1, position=0.036)["feedforward"] == pytest.approx([7, 0])
     for plan, position in ((0.02, 0.03), (0.0, 0.02), (0.0, 0.01)):  # it goes where it is pushed
         told = step(plan, force=1, position=position)

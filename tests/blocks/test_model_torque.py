@@ -239,6 +239,7 @@ def test_friction_takes_the_rotor_of_a_motor_over_so_that_it_counts_once() -> No
     gear_ratio = 10.0
     rotor_inertia = 0.01  # [kg m²]
     inertias = []
+
     for friction in (0.0, 5.0):
         plant = MultibodyPlant(0.0)
         body = plant.AddRigidBody(
@@ -262,6 +263,7 @@ def test_friction_takes_the_rotor_of_a_motor_over_so_that_it_counts_once() -> No
         )
         assert reflected == pytest.approx(gear_ratio**2 * rotor_inertia)
         inertias.append(plant.CalcMassMatrix(plant.CreateDefaultContext())[0, 0])
+
     assert inertias[1] == pytest.approx(inertias[0])
 
 

@@ -108,6 +108,7 @@ def test_the_first_joint_at_its_limit_ends_the_run(
     stopped, time, message = watched(
         joint_limit(), position=line((0, 0, 0), (2, *np.deg2rad(target)))
     )
+
     assert stopped
     assert when - 1e-9 <= time <= when + STEP + 1e-9
     assert why in message
@@ -155,22 +156,28 @@ def test_a_robot_whose_speed_is_no_number_does_not_stand_still() -> None:
 def test_the_excess_port_tells_by_how_much() -> None:
     block = joint_limit()
     context = block.CreateDefaultContext()
+
     block.GetInputPort("position").FixValue(context, [0.7, -2.2])
+
     assert block.GetOutputPort("excess").Eval(context)[0] == pytest.approx(2.2 - np.deg2rad(60))
 
 
 def test_what_slides_is_told_in_metres_and_newtons() -> None:
     belt = "irb120_on_belt"
     still = np.zeros(6)
+
     limits = condition("joint_limit", belt, margin_m=0.1)
+
     position = np.array([1.45, *still])
     assert limits.excess(position) == pytest.approx(0.05)
     assert limits.why(position) == "belt reached its upper limit of 1.4 m"
+
     torque = condition("torque_limit", belt, {"torque_limit": {"belt": 500}}, hold=0.1)
     assert (
         torque.why(np.array([500.0, *still]))
         == "belt stayed at its torque limit of 500 N for 0.1 s"
     )
+
     fast = condition("divergence", belt, speed_limit=10)
     assert fast.why(np.array([20.0, *still])) == "belt diverged: its speed is 20 m/s, above 10 m/s"
 
@@ -182,6 +189,7 @@ def test_axes_that_turn_and_slide_have_bounds_of_their_own(
     velocity: tuple[float, float], settled: bool
 ) -> None:
     still = condition("settled", "irb120_on_belt", speed_deg=5.8, hold=0.2)
+
     values = np.array([velocity[0], np.deg2rad(velocity[1]), 0, 0, 0, 0, 0])
     assert (still.excess(values) >= 0) is settled
     assert (
@@ -201,6 +209,7 @@ def torque_limit(hold: float) -> Monitor:
 def test_a_servo_that_stays_saturated_ends_the_run() -> None:
     torque = PiecewisePolynomial.ZeroOrderHold([0, 0.3, 9], [[0, 9.0, 0], [0, -4.0, 0]])
     stopped, time, message = watched(torque_limit(0.5), torque=torque)
+
     assert stopped
     assert time == pytest.approx(0.8, abs=STEP + 1e-9)
     assert "joint_2 stayed at its torque limit of 4 N·m for 0.5 s" in message
@@ -208,6 +217,7 @@ def test_a_servo_that_stays_saturated_ends_the_run() -> None:
 
 def test_a_torque_limit_may_be_the_monitor_s_own() -> None:
     own = condition("torque_limit", "irb120_dynamic", limit={"joint_2": 20}, hold=0.1)
+
     torque = np.array([0, -21.0, 0, 0, 0, 0])
     assert own.excess(torque) == pytest.approx(0.05, abs=1e-5)
     assert own.why(torque) == "joint_2 stayed at the limit of 20 N·m for 0.1 s"
@@ -230,6 +240,7 @@ def test_a_limit_may_be_missing_by_the_solver_s_rounding() -> None:
 def test_a_robot_that_slows_down_is_settled() -> None:
     block = monitor("settled", speed_deg=np.rad2deg(0.1), hold=0.2)
     stopped, time, message = watched(block, velocity=line((0, 1, -1), (1, 0, 0), (9, 0, 0)))
+
     assert stopped
     assert time == pytest.approx(0.9 + 0.2, abs=2 * STEP)
     assert "the robot has stood still (below 5.72958 deg/s) for 0.2 s" in message
@@ -246,7 +257,9 @@ def test_a_robot_that_moves_slowly_in_one_joint_is_not_settled() -> None:
 def test_a_robot_at_rest_is_settled_only_near_its_reference(error: float, settled: bool) -> None:
     block = monitor("settled", error_deg=1.0, hold=0.2)
     off = 1 + np.deg2rad(error)
+
     still = {"velocity": line((0, 0, 0), (9, 0, 0)), "position": line((0, 1, 1), (9, 1, 1))}
+
     assert watched(block, **still, reference=line((0, 1, off), (9, 1, off)))[0] is settled
 
 
@@ -254,6 +267,7 @@ def test_a_robot_at_rest_is_settled_only_near_its_reference(error: float, settle
 def test_a_joint_that_runs_away_ends_the_run(direction: int) -> None:
     block = monitor("divergence", speed_limit=10)
     stopped, time, message = watched(block, velocity=line((0, 0, 0), (2, 0, 20 * direction)))
+
     assert stopped
     assert time == pytest.approx(1.0, abs=STEP + 1e-9)
     assert "joint_2 diverged: its speed is 10" in message
@@ -298,6 +312,7 @@ def test_the_time_before_watching_does_not_count_as_held() -> None:
 
 def test_a_violation_at_the_start_ends_the_run_at_time_zero() -> None:
     stopped, time, message = watched(speed_monitor(), velocity=line((0, 20), (9, 0)))
+
     assert stopped
     assert time == 0.0
     assert "20 rad/s" in message
@@ -350,6 +365,7 @@ def test_a_monitor_ends_continuous_and_discrete_plants_at_the_step_that_crosses(
     add_pendulum: AddPendulum, scheme: str | None, time_step: float
 ) -> None:
     status, simulator = flying(add_pendulum, scheme=scheme, time_step=time_step, limit=1.0)
+
     assert status.reason() == STOPPED
     assert "the hinge is beyond 1 rad" in status.FormatMessage()
     assert 0.5 - 1e-6 <= simulator.get_context().get_time() <= 0.5 + STEP + 1e-9
@@ -369,6 +385,7 @@ def test_a_monitor_that_does_not_fire_leaves_the_motion_as_it_is(
         ends.append(
             plant.get_state_output_port().Eval(plant.GetMyContextFromRoot(simulator.get_context()))
         )
+
     np.testing.assert_array_equal(ends[0], ends[1])
     np.testing.assert_allclose(ends[0], [2.0, 2.0], atol=1e-6)
 
@@ -430,6 +447,7 @@ def test_whom_it_watches_is_known_or_the_only_one(kind: str) -> None:
         "workspace": {"lower": [0, 0, 0], "upper": [1, 1, 1]},
     }
     keys = bounds.get(kind, {})
+
     assert condition(kind, "two_irb120", robot="right", **keys).watched.keys() <= {
         f"right.{output}" for output in ("position", "velocity", "torque", "base_pose", "tcp_pose")
     }

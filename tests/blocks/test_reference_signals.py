@@ -40,17 +40,20 @@ def test_a_table_gives_the_reference_back(reference):
     signal = as_reference(reference)
     samples = signal.table(1.5)
     times = np.linspace(0.0, 1.5, 50)
+
     if samples.interpolation == "hermite":
         positions, velocities = np.hsplit(samples.values, 2)
         again = hermite(samples.times, positions, velocities)
     else:
         again = interpolate_samples(samples.times, samples.values)
+
     np.testing.assert_allclose(as_reference(again).values(times), signal.values(times), atol=1e-7)
 
 
 @pytest.mark.parametrize("reference", REFERENCES.values(), ids=REFERENCES)
 def test_size_and_span_say_where_a_reference_moves(reference):
     signal = as_reference(reference)
+
     assert isinstance(signal, ReferenceSignal)
     assert signal.size == 2
     start, end = signal.span
@@ -62,10 +65,12 @@ def test_size_and_span_say_where_a_reference_moves(reference):
 
 def test_only_what_stands_still_or_swings_is_a_sine():
     assert as_reference(SINE).as_sine() is SINE
+
     still = as_reference(hold(START)).as_sine()
     np.testing.assert_array_equal(still.centre, START)
     np.testing.assert_array_equal(still.amplitude, np.zeros(2))
     assert as_reference(MOVE).as_sine() is None
+
     rows_at_rest = as_reference(
         interpolate_samples([0.0, 1.0, 2.0], [START, START, START])
     ).as_sine()
@@ -95,8 +100,10 @@ def test_polynomials_say_so():
 
 def test_a_source_plays_any_trajectory_but_one_sine_only():
     key = as_reference(MOVE).player_key
+
     assert key == as_reference(SPLINE).player_key
     assert key != SINE.player_key
+
     equal = SineReference(START.copy(), TARGET.copy(), 0.7, np.array([0.1, 0.2]))
     assert equal.player_key == SINE.player_key
     for changed in (SINE.later(0.5), SineReference(START, TARGET, 0.8, SINE.phase)):
@@ -157,7 +164,10 @@ def test_a_reference_of_another_package_is_followed_and_saved(tmp_path):
     result = simulate(
         load_station("irb120_kinematic"), reference=Chirp(), duration=1.0, progress=False
     )
+
     np.testing.assert_allclose(result["q.joint_1"], 0.1 * np.sin(result.times**2), atol=1e-9)
+
     folder = save_result(result, result.verdict, tmp_path / "result", recording=False)
     again = simulate(load_station(folder / "station.yaml"), progress=False)
+
     np.testing.assert_allclose(again["q.joint_1"], result["q.joint_1"], atol=1e-5)

@@ -86,6 +86,7 @@ def test_a_ramp_with_a_blend_gathers_speed_evenly_goes_on_and_slows_down() -> No
 @pytest.mark.parametrize("start_time", [0.0, 0.5])
 def test_a_ramp_is_a_straight_line_with_two_corners(start_time: float) -> None:
     trajectory = ramp(START, TARGET, duration=2.0, start_time=start_time)
+
     for part in (0.0, 0.25, 0.5, 1.0):
         expected = START + part * (TARGET - START)
         np.testing.assert_allclose(value(trajectory, start_time + 2.0 * part), expected, atol=1e-15)
@@ -98,6 +99,7 @@ def test_a_ramp_is_a_straight_line_with_two_corners(start_time: float) -> None:
 @pytest.mark.parametrize("start_time", [0.0, 0.5])
 def test_a_move_rests_at_both_ends(start_time: float) -> None:
     trajectory = move(START, TARGET, duration=2.0, start_time=start_time)
+
     end = start_time + 2.0
     np.testing.assert_allclose(value(trajectory, start_time), START, atol=1e-14)
     np.testing.assert_allclose(value(trajectory, end), TARGET, atol=1e-14)
@@ -121,7 +123,9 @@ def test_a_move_is_the_shortest_polynomial_that_rests() -> None:
 def test_a_sequence_goes_through_its_targets_with_continuous_acceleration() -> None:
     times = [0.5, 0.8, 2.0]
     targets = [TARGET, -TARGET, START]
+
     trajectory = sequence(START, times, targets)
+
     for time, target in zip(times, targets, strict=True):
         np.testing.assert_allclose(value(trajectory, time), target, atol=1e-14)
         for order in (1, 2):
@@ -150,7 +154,9 @@ def test_a_move_names_its_duration_if_that_is_not_positive(duration: float) -> N
 def test_a_linear_table_goes_straight_from_sample_to_sample() -> None:
     times = np.array([0.0, 1.0, 3.0])
     samples = np.array([[0.0, 1.0], [2.0, 1.0], [2.0, -3.0]])
+
     trajectory = interpolate_samples(times, samples, linear=True)
+
     for time in np.linspace(0, 3, 13):
         expected = [np.interp(time, times, samples[:, joint]) for joint in range(2)]
         np.testing.assert_allclose(value(trajectory, time), expected, atol=1e-14)
@@ -163,7 +169,9 @@ def test_a_cubic_table_is_the_spline_of_scipy() -> None:
     samples = random.normal(size=(9, 4))
     # both with not-a-knot ends
     trajectory = interpolate_samples(times, samples)
+
     spline = CubicSpline(times, samples)
+
     for time in np.linspace(times[0], times[-1], 57):
         for order in (0, 1, 2):
             np.testing.assert_allclose(
@@ -245,7 +253,9 @@ def test_of_a_trajectory_that_is_no_polynomial_only_the_ends_count() -> None:
 def test_a_source_plays_the_trajectory_and_holds_its_ends(derivatives: int) -> None:
     builder = DiagramBuilder()
     trajectory = move(START, TARGET, duration=1.0, start_time=0.5)
+
     diagram = played(builder, add_reference(builder, trajectory, derivatives=derivatives))
+
     np.testing.assert_allclose(signal(diagram, "position", 0.0), START, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 9.0), TARGET, atol=1e-14)
     np.testing.assert_allclose(signal(diagram, "position", 0.8), value(trajectory, 0.8), atol=1e-14)
@@ -263,6 +273,7 @@ def test_outside_of_a_ramp_the_velocity_is_zero(time: float, moving: bool) -> No
     source = add_reference(
         builder, ramp(START, TARGET, duration=2.0, start_time=0.5), derivatives=2
     )
+
     expected = (TARGET - START) / 2 if moving else np.zeros(3)
     np.testing.assert_allclose(
         signal(played(builder, source), "velocity", time), expected, atol=1e-14
@@ -277,7 +288,9 @@ def test_corners_become_events_of_the_simulation() -> None:
     ends: list[float] = []
     simulator = Simulator(diagram)
     simulator.set_monitor(lambda context: ends.append(context.get_time()))
+
     simulator.AdvanceTo(2.0)
+
     assert {0.3, 1.0} <= set(ends)
 
 
@@ -349,6 +362,7 @@ def test_a_spline_whose_velocity_jumps_is_sampled_between_its_knots() -> None:
     smooth_knots = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0]
     corner_knots = [0.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 2.0, 2.0, 2.0, 2.0]
     counts = []
+
     for knots in (smooth_knots, corner_knots):
         points = [np.array([[float(number % 3)]]) for number in range(len(knots) - 4)]
         trajectory = BsplineTrajectory(BsplineBasis(4, knots), points)
@@ -356,5 +370,6 @@ def test_a_spline_whose_velocity_jumps_is_sampled_between_its_knots() -> None:
         samples = hermite_samples(trajectory, 0.0, 2.0, 100.0)
 
         counts.append(len(samples.times))
+
     assert counts[0] == 3
     assert counts[1] > 200

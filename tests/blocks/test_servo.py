@@ -73,6 +73,7 @@ def test_the_torque_is_that_of_the_law(per_joint: bool, optional: tuple[str, ...
     random = np.random.default_rng(3)
     diagram = servo_diagram(GAINS, per_joint=per_joint, optional=optional)
     saturated = 0
+
     for _ in range(50):
         values = {name: random.normal(size=size) for name, size in INPUTS.items()}
         context = fixed(diagram, values)
@@ -85,12 +86,14 @@ def test_the_torque_is_that_of_the_law(per_joint: bool, optional: tuple[str, ...
             diagram.GetOutputPort("torque").Eval(context), expected, atol=1e-12
         )
         saturated += int((np.abs(expected) == GAINS.torque_limit).sum())
+
     assert 10 < saturated < 90  # of 100: both sides of the saturation were met
 
 
 def test_each_joint_has_its_own_blocks_and_an_integrator_only_where_ki_is_positive() -> None:
     diagram = servo_diagram(GAINS, per_joint=True)
     names = {system.get_name() for system in diagram.GetSystems()}
+
     assert {f"{name}.{block}" for name in NAMES for block in ("pd", "saturation")} <= names
     assert {name for name in names if name.endswith(".integrator")} == {
         "b.integrator",
@@ -157,6 +160,7 @@ def test_a_cascade_asks_for_a_speed_and_limits_it(
     diagram = servo_diagram(CASCADE, per_joint=per_joint, optional=optional)
     has_state = CASCADE.ki > 0 if per_joint else np.full(COUNT, True)
     limited_count = 0
+
     for _ in range(20):
         values = {name: random.normal(size=size) for name, size in INPUTS.items()}
         context = fixed(diagram, values)
@@ -174,6 +178,7 @@ def test_a_cascade_asks_for_a_speed_and_limits_it(
         error = values["reference"] - values["state"][:COUNT]
         commanded_speeds = CASCADE.kp / CASCADE.kd * error
         limited_count += abs(commanded_speeds[0]) > CASCADE.speed_limit[0]
+
     assert limited_count > 5
 
 
@@ -183,11 +188,13 @@ def test_a_cascade_without_limit_and_integral_is_the_single_loop() -> None:
     random = np.random.default_rng(7)
     values = {name: random.normal(size=size) for name, size in INPUTS.items()}
     torques = []
+
     for gains in (plain, cascade):
         diagram = servo_diagram(
             gains, per_joint=True, optional=("reference_velocity", "feedforward")
         )
         torques.append(diagram.GetOutputPort("torque").Eval(fixed(diagram, values)))
+
     np.testing.assert_allclose(*torques, atol=1e-12)
 
 
@@ -287,6 +294,7 @@ def test_an_axis_without_a_motor_has_no_torque_and_no_share() -> None:
         torque_limit=without * [40.0, 1.0, 30.0],
         integral_limit=without * GAINS.integral_limit,
     )
+
     assert gains.passive.tolist() == [False, True, False]
     torque = np.array([-20.0, 5.0, 15.0])
     np.testing.assert_allclose(gains.torque_shares(torque, np.zeros(COUNT)), [0.5, 0.0, 0.5])

@@ -113,7 +113,9 @@ def test_a_transfer_function_is_that_of_scipy():
     figures = {"numerator": [0.5, 2.0, 1.0], "denominator": [0.01, 0.2, 1.0]}
     dense = np.linspace(0, 2, 20001)
     _, wanted, _ = signal.lsim(tuple(figures.values()), np.sin(3 * dense + 0.3), dense)
+
     _, _, (y,) = run({"G": (block("transfer_function", **figures), [[(U, 1.0)]])})
+
     # of 15; what Drake's accuracy of 1e-8 leaves
     np.testing.assert_allclose(y, wanted[::100], rtol=1e-5, atol=1e-5)
 
@@ -129,7 +131,9 @@ def test_a_state_space_of_two_inputs_with_a_start_is_that_of_scipy():
         [np.array(part, dtype=float) for part in (a, b, c, d)], inputs, dense, X0=[0.2, -0.1]
     )
     given = block("state_space", A=a, B=b, C=c, D=d, initial=[0.2, -0.1], of=["u", "time"])
+
     _, _, y = run({"S": (given, [[(U, 1.0)], [(TIME, 1.0)]])})
+
     np.testing.assert_allclose(y.T, wanted[::100], atol=1e-6)
 
 
@@ -172,9 +176,11 @@ def test_an_integrator_waits_at_its_bounds():
     dense = np.linspace(0, 2, 200001)
     wanted = np.empty_like(dense)
     value = 0.1
+
     for place, rate in enumerate(np.sin(3 * dense + 0.3)):
         wanted[place] = value
         value = min(max(value + 1e-5 * rate, -0.2), 0.3)
+
     np.testing.assert_allclose(y, np.interp(times, dense, wanted), atol=2e-4)
     assert y.max() == 0.3
 
@@ -243,9 +249,11 @@ def test_a_block_without_states_is_its_equation(given, equation):
 def test_a_long_table_is_looked_up_in(count):
     points = np.cumsum(np.random.default_rng(3).uniform(0.1, 1.0, count))
     points, values = 3 * points / points[-1] - 1.5, np.sin(20 * points)
+
     _, u, (y,) = run(
         {"T": (block("lookup", points=points.tolist(), values=values.tolist()), [[(U, 1.0)]])}
     )
+
     np.testing.assert_allclose(y, np.interp(u, points, values), atol=1e-12)
 
 
@@ -255,7 +263,9 @@ def test_a_long_table_is_looked_up_in(count):
 def test_what_is_divided_by_zero_is_infinite(given, sampled):
     beside = {"Delay": (block("delay", period=0.01), [[(U, 1.0)]])} if sampled else {}
     inputs = [[(U, 0.0)], [(ONE, -1.0)]][: len(given.inputs)]
+
     _, _, (y, *_) = run({"B": (given, inputs), **beside})
+
     assert np.all(y == np.inf)
 
 
@@ -265,6 +275,7 @@ def test_a_loop_through_an_integrator_is_none_and_one_through_a_gain_is():
         "K": (block("sum"), [[(FIRST, 1.0)]]),
     }
     times, _, (y, _) = run(loop)
+
     np.testing.assert_allclose(y, np.exp(-2 * times), atol=1e-6)
     with pytest.raises(CycleError):
         run({"J": (block("sum"), [[(4, -2.0)]]), "K": (block("sum"), [[(FIRST, 1.0)]])})
@@ -288,9 +299,11 @@ def test_a_fast_block_takes_what_a_slow_one_holds():
     """And not what the slow one would give if it took a sample then."""
     slow = block("hold", period=0.06)
     fast = block("hold", period=0.02)
+
     _, u, (held, taken) = run(
         {"slow": (slow, [[(U, 1.0)]]), "fast": (fast, [[(FIRST, 1.0)]])}, rows=101
     )
+
     np.testing.assert_allclose(held[1:], np.repeat(u[::3], 3)[:100], atol=1e-12)
     np.testing.assert_array_equal(taken, held)
 
@@ -316,7 +329,9 @@ def test_a_pid_is_a_sum_of_its_parts(filtering):
     numerator = [2 + 0.5 * filtering, 2 * filtering + 3, 3 * filtering]
     dense = np.linspace(0, 2, 20001)
     _, wanted, _ = signal.lsim((numerator, [1, filtering, 0]), np.sin(3 * dense + 0.3), dense)
+
     _, _, (y,) = run({"C": (given, [[(U, 1.0)]])})
+
     np.testing.assert_allclose(y, wanted[::100] + 0.2, atol=2e-5)
 
 

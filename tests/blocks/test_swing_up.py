@@ -135,7 +135,9 @@ def test_the_torque_gives_the_driven_axis_the_acceleration_of_the_law(
     robot = make()
     gains = SwingUpGains(energy=0.7, position=2.0, velocity=1.5)
     block = robot.block(gains=gains)
+
     dynamics = AxisDynamics(robot.plant, robot.axes)
+
     (driven,) = np.flatnonzero(robot.driven)
     (passive,) = np.flatnonzero(~robot.driven)
     for position, velocity in states(10):
@@ -156,7 +158,9 @@ def test_the_energy_of_a_pole_is_the_closed_form() -> None:
     robot = cart_pole()
     dynamics = AxisDynamics(robot.plant, robot.axes)
     of_pole = robot.block(gains=SwingUpGains(1.0, 1.0, 1.0, of_passive_axis=True))
+
     of_robot = robot.block()
+
     for position, velocity in states(10):
         angle = position[1]
         cart_speed, turn_speed = velocity
@@ -182,7 +186,9 @@ def test_the_energy_error_of_a_pole_fades_as_the_law_says() -> None:
     robot = cart_pole()
     gain = 0.7
     block = robot.block(gains=SwingUpGains(gain, 0.0, 0.0, of_passive_axis=True))
+
     dynamics = AxisDynamics(robot.plant, robot.axes)
+
     no_error = np.zeros(2)
     for position, velocity in states(10):
         angle = position[1]
@@ -370,6 +376,8 @@ def test_a_passive_axis_that_no_motor_moves_is_refused() -> None:
     axes = AxisMap.of_joints(
         plant, [plant.GetJointByName(f"{name}_joint") for name in ("one", "other")]
     )
+
     robot = Robot(plant, axes, np.array([9.0, 0.0]), np.array([0.0, np.pi]), np.array([True, True]))
+
     with pytest.raises(InvalidParameter, match="a posture that the motors can balance"):
         robot.block()

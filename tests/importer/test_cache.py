@@ -25,6 +25,7 @@ def cache(tmp_path, monkeypatch):
 def test_a_clean_robot_is_read_where_it_lies(cache):
     file = models_root() / "irb120" / "irb120.urdf"
     robot = robot_from_file(file)
+
     assert robot.urdf_path == file
     assert import_summary(robot) == ""
     assert not cache.exists()
@@ -33,7 +34,9 @@ def test_a_clean_robot_is_read_where_it_lies(cache):
 def test_a_published_robot_is_imported_once(published_irb120, cache):
     first = robot_from_file(published_irb120)
     stamp = first.urdf_path.stat().st_mtime_ns
+
     second = robot_from_file(published_irb120)
+
     assert second == first
     assert second.urdf_path.stat().st_mtime_ns == stamp
     assert len(list(cache.iterdir())) == 1
@@ -71,7 +74,9 @@ def test_any_change_imports_anew(published_irb120, cache, change):
     else:
         lines = "urdf: arm.urdf\nroot: base_link\naxes: [joint_1, joint_2, joint_3, joint_4, joint_5, joint_6]\n"
         (published_irb120.parent / "robot.yaml").write_text(lines)
+
     robot_from_file(published_irb120, options)
+
     assert len(list(cache.iterdir())) == 2
 
 
@@ -82,7 +87,9 @@ def test_a_correction_of_the_importer_imports_anew(published_irb120, cache, tmp_
     monkeypatch.setattr("simrob_drake.importer.importing._CODE", [tmp_path / "code"])
     robot_from_file(published_irb120)
     (tmp_path / "code" / "gains.py").write_text("_FREQUENCY = 31.0")
+
     robot_from_file(published_irb120)
+
     assert len(list(cache.iterdir())) == 3
 
 
@@ -100,6 +107,7 @@ def test_a_published_arm_moves_by_torque_as_ours_does(published_irb120):
     theirs = simulate(
         load_station("irb120_dynamic", {"robot.urdf": str(published_irb120)}), progress=False
     )
+
     assert theirs.config.robots["robot"].urdf == published_irb120
     np.testing.assert_allclose(theirs.axes("q")[-1], ours.axes("q")[-1], atol=1e-6)
     np.testing.assert_allclose(theirs.axes("tau")[-1], ours.axes("tau")[-1], atol=1e-4)
@@ -109,12 +117,14 @@ def test_a_published_arm_moves_by_torque_as_ours_does(published_irb120):
 def test_a_robot_without_inertias_is_refused_by_name_for_motion_by_torque(published_irb120):
     text = re.sub(r"<inertial>.*?</inertial>", "", published_irb120.read_text(), flags=re.DOTALL)
     published_irb120.write_text(text)
+
     robot = {"robot.urdf": str(published_irb120), "pieces": {}}
     with pytest.raises(
         InvalidModel,
         match=r"arm\.urdf: the moving links link_1, link_2, .*estimate_inertia to true",
     ):
         simulate(load_station("irb120_dynamic", robot), duration=0.1, progress=False)
+
     estimated = load_station(
         "irb120_dynamic", robot | {"robot.import_options": {"estimate_inertia": True}}
     )

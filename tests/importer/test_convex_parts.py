@@ -31,10 +31,12 @@ def parts_of(mesh: trimesh.Trimesh) -> list[np.ndarray]:
 def test_parts_enclose_the_mesh(mesh):
     points, _ = trimesh.sample.sample_surface(mesh, 2000, seed=0)
     outside = np.full(len(points), np.inf)
+
     for corners in parts_of(mesh):
         planes = ConvexHull(corners).equations
         heights = (points @ planes[:, :3].T + planes[:, 3]).max(axis=1)
         outside = np.minimum(outside, heights)
+
     # Vertices are rounded to a millimetre, so by up to half of it in each direction.
     assert outside.max() < 0.5e-3 * np.sqrt(3)
 
@@ -44,6 +46,7 @@ def test_parts_have_little_more_volume_than_the_mesh(mesh, excess):
     """The hull of the ring has 2.8 times its volume, that of the angle about 4 times."""
     parts = parts_of(mesh)
     volume = sum(ConvexHull(corners).volume for corners in parts)
+
     solid = mesh.volume
     assert solid * 0.99 < volume < solid * (1 + excess)
     assert len(parts) <= MOST_PARTS
@@ -58,7 +61,9 @@ def test_the_cache_has_the_same_numbers():
     vertices = np.asarray(ANGLE.vertices)
     faces = np.asarray(ANGLE.faces)
     first = cached_convex_parts(vertices, faces)
+
     again = cached_convex_parts(vertices, faces)
+
     assert len(first) == len(again) > 1
     for one, other in zip(first, again, strict=True):
         np.testing.assert_array_equal(one, other)

@@ -80,12 +80,14 @@ def imported_or_refused(
 @pytest.mark.parametrize("text", [ARM, LEGS], ids=["arm", "legs"])
 def test_the_sound_robots_need_no_repair_but_of_their_meshes(tmp_path, text):
     imported = imported_or_refused(Package(text), tmp_path, ImportOptions())
+
     assert isinstance(imported, ImportedRobot), imported
     mended = [entry for entry in imported.report.entries if entry.kind not in ("read", "defaulted")]
     assert all("becomes meshes/" in entry.text for entry in mended)
     assert [entry.text for entry in imported.report.of("defaulted")] == [
         "servo gains from the mass matrix"
     ]
+
     check_robot(imported)
     check_round_trip(imported, tmp_path / "again")
 
@@ -110,8 +112,11 @@ def test_a_broken_robot_is_mended_or_refused(tmp_path, defect: Defect):
         assert kind == "error", result
         assert words in result
         return
+
     lines = told(result.report)
+
     assert any(line.startswith(f"{kind}: ") and words in line for line in lines), lines
+
     check_robot(result)
     check_round_trip(result, tmp_path / "again")
 
@@ -146,7 +151,9 @@ def pairs() -> list[tuple[Defect, Defect]]:
 )
 def test_two_defects_are_mended_or_refused(tmp_path, pair):
     package = applied(pair)
+
     assert package is not None
+
     result = imported_or_refused(package, tmp_path, ImportOptions(estimate_inertia=True))
     if isinstance(result, ImportedRobot):
         check_robot(result)
@@ -174,11 +181,13 @@ UPSETTING = [
 @pytest.mark.parametrize(("good", "bad", "words"), UPSETTING)
 def test_the_probe_names_what_upsets_drake(one_joint_urdf, write_urdf, good, bad, words):
     assert good in one_joint_urdf
+
     # less to search
     short = re.sub(
         "<(inertial|visual)>.*?</\\1>|<dynamics.*?>", "", one_joint_urdf, flags=re.DOTALL
     )
     file = write_urdf(short.replace(good, bad, 1))
+
     with pytest.raises(InvalidModel) as problem:
         probe(file, ImportReport(file))
     assert words in str(problem.value)

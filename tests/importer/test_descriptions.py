@@ -49,6 +49,7 @@ def test_a_robot_that_was_downloaded_is_found_by_its_name(downloaded):
     assert is_robot_file("red_description")
     assert robot_file("red_description", "source") == downloaded
     assert list(examine_robot("red_description").model.axes) == ["shoulder"]
+
     shown = CliRunner().invoke(app, ["station", "red_description", "--out", "red.yaml"])
     assert shown.exit_code == 0, shown.output
     assert "urdf: cache/arms/red/arm.urdf" in Path("red.yaml").read_text()
@@ -69,6 +70,7 @@ def test_a_name_that_is_none_is_told(downloaded, monkeypatch):
     with pytest.raises(UnknownName, match="did you mean 'red_description'"):
         robot_file("rad_description", "source")
     assert robot_file("red.urdf", "source") == Path("red.urdf").resolve()
+
     monkeypatch.setitem(sys.modules, "robot_descriptions._cache", None)
     with pytest.raises(InvalidModel, match=r"is not a file; .* `pip install robot_descriptions"):
         robot_file("rad_description", "source")
@@ -80,7 +82,9 @@ def test_only_the_last_part_of_a_path_is_a_name_and_a_folder_of_this_name_is_non
     """A station's file gives paths from its own folder; packages of ROS have such names, too."""
     assert is_robot_file("stations/red_description")
     assert robot_file("stations/red_description", "source") == downloaded
+
     folder = tmp_path / "red_description"
     folder.mkdir()
+
     assert not is_robot_file("red_description")
     assert robot_file("red_description", "source") == folder

@@ -177,6 +177,7 @@ def test_any_figures(folder, options, changes):
             words[place % len(words)] = value
             value = " ".join(words)  # noqa: PLW2901
         element.set(key, printable(value))
+
     tried(robot, folder, options)
 
 

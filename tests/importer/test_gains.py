@@ -59,7 +59,9 @@ def test_weight_lets_a_joint_sag_by_a_degree_and_an_axis_that_slides_by_a_millim
     one_joint_urdf, write_urdf
 ):
     (kp,) = first_gains(load_robot_from_urdf(write_urdf(changed(one_joint_urdf, axis="0 1 0")))).kp
+
     assert kp == pytest.approx(1.0 * 9.81 * 0.1 / np.deg2rad(1.0), rel=0.05)
+
     sliding = changed(one_joint_urdf).replace("revolute", "prismatic")
     assert first_gains(load_robot_from_urdf(write_urdf(sliding))).kp == pytest.approx(
         [9.81 / 1e-3], rel=0.05
@@ -71,7 +73,9 @@ def test_a_light_joint_with_damping_of_its_own_keeps_up(one_joint_urdf, write_ur
     urdf = write_urdf(changed(one_joint_urdf, inertia=1e-4, damping=0.5))
     (file := tmp_path / "first.yaml").write_text(draft_station(urdf))
     result = simulate(load_station(file), progress=False)
+
     error = np.rad2deg(np.abs(result.axes("q_ref") - result.axes("q")))
+
     assert error.max() == pytest.approx(np.rad2deg(np.abs(result.axes("v")).max()) / 30, rel=0.02)
     assert error[-1].max() < 1e-3
 
@@ -83,9 +87,13 @@ def test_a_joint_that_its_damping_holds_gets_the_largest_gain_and_the_report_nam
     (tmp_path / "arm").mkdir()
     source = tmp_path / "arm" / "arm.urdf"
     source.write_text(changed(one_joint_urdf, damping="1e11"))
+
     report = import_robot(source, tmp_path / "imported").report
+
     assert first_gains(load_robot_from_urdf(source)).kp == [LARGEST_GAIN]
     assert any("no servo can move shoulder" in entry.text for entry in report.entries)
+
     load_station_text = draft_station(tmp_path / "imported" / "arm.urdf", folder=tmp_path)
     (tmp_path / "station.yaml").write_text(load_station_text)
+
     assert load_station(tmp_path / "station.yaml").mode == "dynamic"

@@ -36,10 +36,12 @@ def options(files, **own):
 
 def test_both_trees_are_one_robot_and_nothing_is_lost(files):
     robot = robot_from_file(files / "arm.urdf", options(files))
+
     assert list(robot.axes) == ["turn", "reach", "left_slide", "right_slide"]
     assert [*robot.gripper.axes] == ["left_slide", "right_slide"]
     assert next(iter(robot.tools)) == "grasp"
     assert {"base", "hand_base"} <= {name_of(one) for one in robot.element.iterfind("link")}
+
     masses = sum(mass_of(one) for one in robot.element.iterfind("link"))
     assert masses == pytest.approx(0.1 + 2 + 1 + 0.2 + 0.3 + 2 * 0.05)
 
@@ -48,6 +50,7 @@ def test_the_hand_is_where_it_was_told_to_be(files):
     """The base, tool0 0.5 m up, 10 mm of the pose, 30 mm to the palm, 70 mm to the pads; y is along the arm's -x."""
     plant, _ = held_robot(robot_from_file(files / "arm.urdf", options(files)))
     pose = plant.GetFrameByName("grasp").CalcPoseInWorld(plant.CreateDefaultContext())
+
     np.testing.assert_allclose(pose.translation(), [0, 0, 0.61], atol=1e-6)
     np.testing.assert_allclose(pose.rotation().matrix()[:, 1], [-1, 0, 0], atol=1e-9)
 
@@ -55,6 +58,7 @@ def test_the_hand_is_where_it_was_told_to_be(files):
 def test_it_may_hang_on_any_link(files):
     plant, _ = held_robot(robot_from_file(files / "arm.urdf", options(files, hand_link="upper")))
     pose = plant.GetFrameByName("grasp").CalcPoseInWorld(plant.CreateDefaultContext())
+
     np.testing.assert_allclose(pose.translation(), [0, 0, 0.11], atol=1e-6)
     with pytest.raises(SimrobError, match="uper"):
         robot_from_file(files / "arm.urdf", options(files, hand_link="uper"))
@@ -69,6 +73,7 @@ def test_a_hand_that_changed_is_imported_again(files):
 def test_what_is_wrong_with_a_hand_names_its_file(files, tmp_path_factory):
     (files / "hand.urdf").write_text("<robot name='hand'/>")
     out = tmp_path_factory.mktemp("elsewhere") / "out"
+
     with pytest.raises(SimrobError, match=r"hand\.urdf.* has no link"):
         import_robot(files / "arm.urdf", out, options(files))
     assert not out.exists()
@@ -77,6 +82,7 @@ def test_what_is_wrong_with_a_hand_names_its_file(files, tmp_path_factory):
 @pytest.mark.usefixtures("no_plots")
 def test_the_command_writes_a_station_that_has_both(files, monkeypatch):
     monkeypatch.chdir(files)
+
     pose = ["--hand-pose", *(f"{value:.6f}" for value in ON_ARM)]
     assert (
         run_command(["station", "arm.urdf", "--hand", "hand.urdf", *pose, "--out", "s.yaml"]) == 0
@@ -84,6 +90,7 @@ def test_the_command_writes_a_station_that_has_both(files, monkeypatch):
     content = yaml.safe_load((files / "s.yaml").read_text())
     assert content["robot"]["import_options"]["hand_pose"] == pytest.approx(ON_ARM, abs=1e-6)
     assert "right_slide_follows" in content["couplings"]
+
     # beside the station
     (files / "s.yaml").write_text((files / "s.yaml").read_text().replace(f"{files}/", ""))
     assert load_station(files / "s.yaml").robots["robot"].import_options.hand == files / "hand.urdf"
@@ -93,6 +100,8 @@ def test_a_hand_outside_of_the_stations_folder_is_not_read(files, tmp_path_facto
     elsewhere = tmp_path_factory.mktemp("elsewhere") / "hand.urdf"
     elsewhere.write_text(HAND)
     section = {"urdf": "arm.urdf", "import_options": {"hand": str(elsewhere)}}
+
     (files / "s.yaml").write_text(yaml.safe_dump({"robot": section, "mode": "kinematic"}))
+
     with pytest.raises(SimrobError, match=r"robot\.import_options\.hand"):
         load_station(files / "s.yaml")

@@ -57,7 +57,9 @@ def test_twice_the_links_are_twice_the_work(tmp_path, shape):
 def test_more_links_than_drake_has_memory_for_are_refused_at_once(tmp_path, monkeypatch):
     monkeypatch.setattr(urdf_check, "MOST_LINKS", 20)
     check_urdf(robot(20), tmp_path / "a.urdf")
+
     repair(robot(20), tmp_path, ImportOptions(), ImportReport(tmp_path / "a.urdf"))
+
     for check in (
         check_urdf,
         lambda *_: repair(robot(21), tmp_path, ImportOptions(), ImportReport(tmp_path)),

@@ -29,6 +29,7 @@ def files_below(folder: Path) -> dict[str, bytes]:
 
 def test_an_import_writes_urdf_meshes_description_and_report(imported, tmp_path):
     files = files_below(tmp_path / "out")
+
     assert {"irb120.urdf", "robot.yaml", "report.json"} <= set(files)
     assert sum(name.startswith("meshes/") for name in files) == 17
     report = json.loads(files["report.json"])
@@ -73,7 +74,9 @@ def _centre_of_mass(robot: LoneRobot, context) -> np.ndarray:
 @pytest.mark.long
 def test_importing_the_imported_robot_changes_nothing(imported, tmp_path):
     again = import_robot(imported.model.urdf_path, tmp_path / "again")
+
     assert not again.report.has_changes
+
     first, second = files_below(tmp_path / "out"), files_below(tmp_path / "again")
     assert set(first) == set(second)
     different = [name for name in first if first[name] != second[name]]
@@ -83,6 +86,7 @@ def test_importing_the_imported_robot_changes_nothing(imported, tmp_path):
 def test_examining_writes_nothing(published_irb120, tmp_path):
     before = files_below(tmp_path)
     examined = examine_robot(published_irb120)
+
     assert examined.report.of("defaulted")
     assert files_below(tmp_path) == before
 
@@ -90,6 +94,7 @@ def test_examining_writes_nothing(published_irb120, tmp_path):
 def test_a_refusal_leaves_nothing_behind(published_irb120, tmp_path):
     text = published_irb120.read_text().replace('type="revolute"', 'type="planar"', 1)
     published_irb120.write_text(text)
+
     with pytest.raises(InvalidModel, match=r"joint_1.*planar"):
         import_robot(published_irb120, tmp_path / "new" / "out")
     assert not (tmp_path / "new").exists()
@@ -100,6 +105,7 @@ def test_a_refusal_leaves_nothing_behind(published_irb120, tmp_path):
 def test_an_output_within_the_source_is_refused(published_irb120, place):
     package = published_irb120.parent.parent
     before = files_below(package)
+
     with pytest.raises(OutputError, match="overlaps the source"):
         import_robot(published_irb120, package / place)
     assert files_below(package) == before
@@ -110,10 +116,14 @@ def test_an_import_goes_here_or_beside_a_source_in_which_one_is(
 ):
     package, folder = published_irb120.parent.parent, f"{published_irb120.stem}_imported"
     monkeypatch.chdir(tmp_path)
+
     assert default_folder(published_irb120) == Path(folder)
+
     monkeypatch.chdir(published_irb120.parent)
     beside = default_folder(Path(published_irb120.name))
+
     assert beside == package.parent / folder
+
     import_robot(published_irb120.name, beside)
     assert [file.suffix for file in beside.glob("*.urdf")] == [".urdf"]
 
@@ -122,9 +132,12 @@ def test_an_import_goes_here_or_beside_a_source_in_which_one_is(
 def test_only_an_import_is_replaced_and_only_by_force(imported, published_irb120, tmp_path):
     with pytest.raises(OutputError, match="exists already"):
         import_robot(published_irb120, tmp_path / "out")
+
     import_robot(published_irb120, tmp_path / "out", force=True)
     (tmp_path / "mine").mkdir()
+
     (tmp_path / "mine" / "thesis.tex").write_text("years of work")
+
     with pytest.raises(OutputError, match="files that are not a result"):
         import_robot(published_irb120, tmp_path / "mine", force=True)
     assert (tmp_path / "mine" / "thesis.tex").exists()
@@ -156,6 +169,8 @@ def test_the_file_is_named_as_the_robot_as_far_as_files_can_be(
 
 def test_the_base_can_be_chosen(published_irb120, tmp_path):
     floating = import_robot(published_irb120, tmp_path / "out", ImportOptions(base="floating"))
+
     assert floating.model.base == "floating"
+
     lone = lone_robot(floating.model, floating=True)
     assert lone.plant.num_positions() == 6 + 7

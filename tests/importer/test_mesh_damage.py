@@ -67,6 +67,7 @@ def outcome(path: Path) -> Mesh | str:
 def test_damage_gives_a_mesh_or_one_line(tmp_path: Path, kind: str) -> None:
     chance, whole = random.Random(f"{kind} 1"), content(kind)
     read = 0
+
     for index in range(120):
         path = tmp_path / f"{index}.{kind.removesuffix('_ascii')}"
         path.write_bytes(damaged(whole, chance))

@@ -31,7 +31,9 @@ def surface(part: MeshPart) -> trimesh.Trimesh:
 def test_a_hull_is_convex_within_the_mesh_and_fills_it(mesh: trimesh.Trimesh, least: float) -> None:
     points = TURN.multiply(mesh.vertices.T).T
     whole, hull = trimesh.Trimesh(points, mesh.faces).convex_hull, hull_of(points)
+
     found = surface(hull.part)
+
     assert found.is_watertight
     assert found.is_winding_consistent
     assert is_hull(hull.part)
@@ -48,6 +50,7 @@ def test_a_hull_is_convex_within_the_mesh_and_fills_it(mesh: trimesh.Trimesh, le
 def test_the_corners_of_a_flat_sole_all_stay() -> None:
     sole = trimesh.creation.box((0.2, 0.1, 0.02)).subdivide().subdivide()
     hull = hull_of(sole.vertices)
+
     assert len(hull.part.vertices) == 8
     assert hull.gap == pytest.approx(0, abs=1e-12)
 
@@ -55,8 +58,10 @@ def test_the_corners_of_a_flat_sole_all_stay() -> None:
 def test_a_flat_mesh_becomes_a_thin_body() -> None:
     sheet = np.array([[0, 0, 0], [0.4, 0, 0], [0.4, 0.3, 0], [0, 0.3, 0]], dtype=float)
     hull = hull_of(TURN.multiply(sheet.T).T)
+
     assert hull.thickened == pytest.approx(0.4e-4, rel=1e-3)  # a ten thousandth of its length
     assert surface(hull.part).volume == pytest.approx(0.12 * hull.thickened, rel=1e-3)
+
     size, pose, thickened = box_of(TURN.multiply(sheet.T).T)
     assert thickened == hull.thickened
     np.testing.assert_allclose(np.sort(size), [thickened, 0.3, 0.4], rtol=1e-3)
@@ -77,7 +82,9 @@ def test_a_box_stands_along_the_axes_where_that_costs_nothing() -> None:
 def test_a_box_is_the_tightest_one() -> None:
     points = TURN.multiply(trimesh.creation.box((0.1, 0.2, 0.4)).vertices.T).T
     size, pose, _ = box_of(points)
+
     np.testing.assert_allclose(np.sort(size), [0.1, 0.2, 0.4], atol=1e-8)
+
     inside = pose.inverse().multiply(points.T).T
     np.testing.assert_allclose(abs(inside), np.tile(size / 2, (8, 1)), atol=1e-8)
 
@@ -86,7 +93,9 @@ def test_open_inverted_concave_or_fine_meshes_are_no_hulls() -> None:
     box = trimesh.creation.box((1, 1, 1))
     dented = trimesh.creation.icosphere(subdivisions=1)
     dented.vertices[0] *= 0.5
+
     fine = trimesh.creation.icosphere(subdivisions=4)
+
     for vertices, faces in (
         (box.vertices, box.faces[1:]),
         (box.vertices, box.faces[:, ::-1]),

@@ -126,7 +126,9 @@ def test_a_circle_of_links_is_no_file(robot: Path) -> None:
 def test_files_outside_are_refused_with_the_way_to_allow_them(robot: Path, tmp_path: Path) -> None:
     outside = put(tmp_path / "elsewhere" / "secret.stl")
     (robot.parent / "linked.stl").symlink_to(outside)
+
     (robot.parent / "folder").symlink_to(outside.parent)
+
     for uri in (
         str(outside),
         f"file://{outside}",
@@ -153,7 +155,9 @@ def test_a_package_beside_is_found_by_its_name_or_its_manifest(robot: Path) -> N
     put(group.parent / "sensors" / "camera" / "package.xml", MANIFEST.format("camera"))
     put(group.parent / "tool" / "package.xml", MANIFEST.format("tool"))
     put(group.parent / "tool" / "c.stl")
+
     places = MeshPlaces(robot)
+
     assert places.find("package://arm_meshes/a.stl").path == group / "arm_meshes" / "a.stl"
     assert places.find("package://gripper/b.stl").path == group / "renamed" / "b.stl"
     assert places.find("package://tool/c.stl").path == group.parent / "tool" / "c.stl"
@@ -188,11 +192,15 @@ def test_packages_are_found_where_ros_and_robot_descriptions_keep_them(
 ) -> None:
     mesh = put(tmp_path / "ros" / place / "leg.stl")
     put(mesh.parent / "package.xml", MANIFEST.format("legs"))
+
     secret = put(tmp_path / "ros" / "secret.stl")
+
     with pytest.raises(MeshMissing):
         MeshPlaces(robot).find("package://legs/leg.stl")
+
     monkeypatch.setenv(variable, str(tmp_path / "ros"))
     places = MeshPlaces(robot)
+
     assert places.find("package://legs/leg.stl").path == mesh
     with pytest.raises(OutsideBorder):  # what a package is found in is not its part
         places.find(str(secret))
@@ -202,11 +210,14 @@ def test_a_repository_is_one_package(tmp_path: Path, monkeypatch: pytest.MonkeyP
     """Of one folder an arm, of its sibling a hand, both in a third: none has a manifest."""
     source = put(tmp_path / "work" / "repository" / "robots" / "both" / "both.urdf")
     hand = put(tmp_path / "work" / "repository" / "robots" / "hands" / "palm.stl")
+
     beside = put(tmp_path / "work" / "other" / "x.stl")
     with pytest.raises(OutsideBorder):
         MeshPlaces(source).find("../hands/palm.stl")
+
     (tmp_path / "work" / "repository" / ".git").mkdir()
     assert package_root(source) == tmp_path / "work" / "repository"
+
     places = MeshPlaces(source)
     assert (
         places.find("../hands/palm.stl").path
@@ -215,8 +226,10 @@ def test_a_repository_is_one_package(tmp_path: Path, monkeypatch: pytest.MonkeyP
     )
     with pytest.raises(OutsideBorder):
         places.find(str(beside))
+
     put(source.parent / "package.xml", MANIFEST.format("both"))
     assert package_root(source) == source.parent
+
     monkeypatch.setattr(Path, "home", lambda: tmp_path / "work" / "repository")
     (source.parent / "package.xml").unlink()
     assert package_root(source) == source.parent  # a home with a repository for its dotfiles
@@ -226,7 +239,9 @@ def test_packages_and_files_are_found_below_a_mesh_path(robot: Path, tmp_path: P
     leg = put(tmp_path / "ros" / "share" / "legs" / "leg.stl")
     foot = put(tmp_path / "ros" / "src" / "stack" / "f" / "foot.stl")
     put(foot.parent / "package.xml", MANIFEST.format("feet"))
+
     places = MeshPlaces(robot, (tmp_path / "ros",))
+
     assert places.find("package://legs/leg.stl").path == leg
     assert places.find("package://feet/foot.stl").path == foot
     assert MeshPlaces(robot, (leg.parent,)).find("package://unknown/leg.stl").path == leg
@@ -277,7 +292,9 @@ def test_the_files_of_a_robot_are_listed_once_with_what_they_name(robot: Path) -
     element = ET.Element("robot")
     for uri in uris:
         ET.SubElement(element, "mesh", filename=uri)
+
     listed = mesh_files(element, source=robot, options=ImportOptions())
+
     assert [path.name for path in listed] == [
         "a.obj",
         "a.mtl",
@@ -292,8 +309,10 @@ def test_the_files_of_a_robot_are_listed_once_with_what_they_name(robot: Path) -
 def test_what_the_name_of_a_package_leads_to_its_path_does_too(robot: Path) -> None:
     other = put(robot.parents[2] / "other-main" / "package.xml", MANIFEST.format("other")).parent
     mesh = put(other / "base.stl")
+
     # as a xacro writes `$(find other)/base.stl`
     assert MeshPlaces(robot).find(f"file://{mesh}").path == mesh
+
     (other / "package.xml").unlink()
     with pytest.raises(OutsideBorder):
         MeshPlaces(robot).find(f"file://{mesh}")

@@ -76,6 +76,7 @@ NODE = """<node><translate>{x} 0 0</translate><instance_geometry url="#g"><bind_
 def test_a_box_is_the_same_in_every_format(tmp_path: Path, kind: str) -> None:
     path = write(tmp_path / f"box.{kind.removesuffix('_ascii')}", box().export(file_type=kind))
     mesh = read(path)
+
     expected = np.sort(BOUNDS @ TURN.T, axis=0) if kind == "glb" else BOUNDS
     np.testing.assert_allclose(bounds(mesh), expected, atol=1e-7)
     assert volume(mesh) == pytest.approx(0.1 * 0.2 * 0.4, rel=1e-6)
@@ -143,6 +144,7 @@ def test_stl_with_bytes_behind_its_end_is_read(tmp_path: Path) -> None:
 )
 def test_what_holds_no_mesh_is_named(tmp_path: Path, name: str, data: bytes, problem: str) -> None:
     write(tmp_path / name, data)
+
     with pytest.raises(UnreadableMesh) as error:
         read(tmp_path / name)
     assert problem in str(error.value)
@@ -172,6 +174,7 @@ def test_collada_is_scaled_by_its_unit_and_its_up_axis_is_told(tmp_path: Path) -
     mesh = read(
         write(tmp_path / "a.dae", DAE.format(unit="0.001", up="Y_UP", nodes=NODE.format(x=1)))
     )
+
     np.testing.assert_allclose(bounds(mesh), [[0.001, 0, 0], [0.002, 0.001, 0.001]], atol=1e-12)
     assert mesh.parts[0].rgba == RED
     assert mesh.remarks == ["has the up axis Y_UP, which is ignored, as in ROS"]
@@ -190,6 +193,7 @@ def test_all_nodes_of_a_collada_scene_are_read(tmp_path: Path) -> None:
     mesh = read(
         write(tmp_path / "a.dae", DAE.format(unit="1", up="Z_UP", nodes=NODE.format(x=5) + inner))
     )
+
     np.testing.assert_allclose(bounds(mesh), [[0, 0, -1], [6, 1, 1]], atol=1e-12)
     assert volume(mesh) == pytest.approx(2 / 6)
     assert len(mesh.parts) == 1  # both are red
@@ -216,7 +220,9 @@ def test_collada_with_entities_is_refused_before_it_is_parsed(
 def test_collada_nodes_that_multiply_or_go_in_a_circle_are_refused(tmp_path: Path) -> None:
     ten = [f'<instance_node url="#n{level + 1}"/>' * 10 for level in range(9)] + [NODE.format(x=0)]
     levels = "".join(f'<node id="n{level}">{inner}</node>' for level, inner in enumerate(ten))
+
     circle = '<node id="n"><instance_node url="#n"/></node>'
+
     for nodes in (levels, circle):
         with pytest.raises(
             UnreadableMesh, match="more than 20000 nodes, or a node that contains itself"
@@ -227,7 +233,9 @@ def test_collada_nodes_that_multiply_or_go_in_a_circle_are_refused(tmp_path: Pat
 def test_each_colour_of_a_mesh_is_a_part(tmp_path: Path) -> None:
     other = box().apply_translation((1, 0, 0))
     again = box().apply_translation((2, 0, 0))
+
     scene = trimesh.Scene([coloured(RED), coloured(BLUE, other), coloured(RED, again)])
+
     for kind in ("glb", "dae", "obj"):
         if kind == "obj":
             files, libraries = scene.export(file_type=kind, return_texture=True)
@@ -244,18 +252,25 @@ def test_each_colour_of_a_mesh_is_a_part(tmp_path: Path) -> None:
 def test_transparency_of_a_material_library_is_kept(tmp_path: Path) -> None:
     write(tmp_path / "a.mtl", "newmtl m\nKd 0.2 0.4 0.6\nd 0.5\nnewmtl n\nKd 0.2 0.4 0.6\nTr 0.2\n")
     text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl m\nf 1 3 2\nf 1 2 4\nusemtl n\nf 2 3 4\nf 3 1 4\n"
+
     parts = read(write(tmp_path / "a.obj", text)).parts
+
     assert sorted(part.rgba or () for part in parts) == [(0.2, 0.4, 0.6, 0.5), (0.2, 0.4, 0.6, 0.8)]
 
 
 def test_a_few_colours_of_vertices_are_kept_and_many_become_their_mean(tmp_path: Path) -> None:
     two = trimesh.util.concatenate([box(), box().apply_translation((1, 0, 0))])
     two.visual.face_colors = [(255, 0, 0, 255)] * 12 + [(0, 0, 255, 255)] * 12
+
     mesh = read(write(tmp_path / "a.ply", two.export(file_type="ply")))
+
     assert {part.rgba: len(part.faces) for part in mesh.parts} == {RED: 12, BLUE: 12}
+
     ball = trimesh.creation.icosphere(subdivisions=3)
     ball.visual.vertex_colors = [(index % 250, 0, 0, 255) for index in range(len(ball.vertices))]
+
     mesh = read(write(tmp_path / "b.ply", ball.export(file_type="ply")))
+
     assert len(mesh.parts) == 1
     assert "which their mean replaces" in mesh.remarks[0]
 
@@ -266,7 +281,9 @@ def test_gltf_is_turned_as_drake_turns_it(tmp_path: Path) -> None:
     for name, data in scene.export(file_type="gltf").items():
         write(tmp_path / name, data)
     hull = DrakeMesh(str(tmp_path / "model.gltf")).GetConvexHull()
+
     corners = np.array([hull.vertex(index) for index in range(hull.num_vertices())])
+
     np.testing.assert_allclose(
         bounds(read(tmp_path / "model.gltf")), [corners.min(axis=0), corners.max(axis=0)], atol=1e-6
     )
@@ -284,7 +301,9 @@ def test_buffers_and_textures_outside_of_the_package_are_refused(tmp_path: Path)
     secret = write(tmp_path / "secret.bin", bytes(100))
     gltf = {"asset": {"version": "2.0"}, "buffers": [{"uri": "../secret.bin", "byteLength": 100}]}
     (folder / "linked.mtl").symlink_to(secret)
+
     write(folder / "x.mtl", f"newmtl m\nmap_Kd {secret}\n")
+
     for name, data in (
         ("a.gltf", json.dumps(gltf)),
         (
@@ -311,6 +330,7 @@ def test_texts_in_an_old_encoding_are_read(tmp_path: Path) -> None:
 def test_a_missing_material_library_is_told(tmp_path: Path) -> None:
     text = "mtllib none.mtl\nusemtl a\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     mesh = read(write(tmp_path / "a.obj", text))
+
     assert mesh.changes == ["textures or materials missing: none.mtl"]
     assert mesh.original is None
 
@@ -320,7 +340,9 @@ def test_a_texture_and_its_places_are_read(tmp_path: Path, name: str) -> None:
     Image.new("RGB", (3000, 1000), (200, 30, 30)).save(tmp_path / name)
     write(tmp_path / "a.mtl", f"newmtl m\nKd 1 1 1\nmap_Kd {name}\n")
     text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0 0.25\nusemtl m\nf 1/1 2/2 3/3\n"
+
     (part,) = read(write(tmp_path / "a.obj", text)).parts
+
     assert part.image is not None
     assert part.uv is not None
     assert part.image.size == (1024, 341)
@@ -332,7 +354,9 @@ def test_an_image_that_is_none_or_a_bomb_leaves_the_colour(tmp_path: Path) -> No
     write(tmp_path / "a.obj", text)
     write(tmp_path / "a.mtl", "newmtl m\nKd 1 0 0\nmap_Kd a.png\n")
     Image.new("1", (12000, 12000)).save(tmp_path / "bomb.png")
+
     half = (tmp_path / "bomb.png").read_bytes()
+
     for data in (
         b"no image",
         b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n",
@@ -348,6 +372,7 @@ def test_an_image_that_is_none_or_a_bomb_leaves_the_colour(tmp_path: Path) -> No
 def test_a_mirroring_scale_keeps_the_outside(tmp_path: Path) -> None:
     path = write(tmp_path / "a.obj", box().export(file_type="obj", include_normals=True))
     mesh = read(path, (-2.0, 1.0, 0.5))
+
     assert volume(mesh) == pytest.approx(0.008)
     np.testing.assert_allclose(bounds(mesh), [[-0.7, 0.4, 0.25], [-0.5, 0.6, 0.45]], atol=1e-9)
     (part,) = mesh.parts
@@ -359,7 +384,9 @@ def test_a_mirroring_scale_keeps_the_outside(tmp_path: Path) -> None:
 def test_what_is_no_triangle_is_mended_and_told(tmp_path: Path) -> None:
     text = box().export(file_type="obj", include_normals=False)
     text += "\nv nan 0 0\nv 1e30 0 0\nv 9 9 9\nf 1 1 2\nf 1 2 9\nf 1 2 10\nf 1 2 2\n"
+
     mesh = read(write(tmp_path / "a.obj", text))
+
     np.testing.assert_allclose(bounds(mesh), BOUNDS)
     assert mesh.changes == ["4 degenerate faces left out"]
     assert mesh.original is None
@@ -368,7 +395,9 @@ def test_what_is_no_triangle_is_mended_and_told(tmp_path: Path) -> None:
 def test_a_large_mesh_is_decimated_within_its_bounds(tmp_path: Path) -> None:
     ball = trimesh.creation.icosphere(subdivisions=6, radius=0.1)  # 81920 faces
     mesh = read(write(tmp_path / "a.stl", ball.export(file_type="stl")))
+
     count = sum(len(part.faces) for part in mesh.parts)
+
     assert count <= 50_000
     assert mesh.changes == [f"decimated from 81920 to {count} faces"]
     np.testing.assert_allclose(bounds(mesh), ball.bounds, atol=0.002 * 0.99)

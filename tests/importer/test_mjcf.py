@@ -146,6 +146,7 @@ def gravity(model, data):
 def test_an_arm_moves_as_in_mujoco(tmp_path, here):
     """Two joints a body, off its origin and with other zeros, a slide, rotors: masses and torques are MuJoCo's own."""
     robot = imported(tmp_path)
+
     assert list(robot.model.axes) == ["pan", "tilt", "stroke"]
     for model, data, plant, context in both(robot, tmp_path / "in" / "arm.xml"):
         mass = np.zeros((model.nv, model.nv))
@@ -166,6 +167,7 @@ def test_an_arm_moves_as_in_mujoco(tmp_path, here):
 
 def test_limits_motors_gains_and_home_are_those_of_the_file(tmp_path, here):
     robot = imported(tmp_path)
+
     model = robot.model
     lower, upper = model.axis_limits
     np.testing.assert_allclose(np.rad2deg([lower[0], upper[0]]), [-100, 120])
@@ -179,6 +181,7 @@ def test_limits_motors_gains_and_home_are_those_of_the_file(tmp_path, here):
     assert model.tools == {"attachment_site": "attachment_site"}
     assert "keyframe 'home': is the posture at the start" in told(robot, "read")
     assert "servo gains of 1 axis are those of the file's actuators" in told(robot, "read")
+
     dropped = told(robot, "dropped")
     assert "<sensor>: 1 ×" in dropped
     assert "1 planes: a station has a floor of its own" in dropped
@@ -189,12 +192,15 @@ def test_meshes_stand_where_mujoco_puts_them(tmp_path, here):
     """MuJoCo moves each mesh into the frame of its inertia; here it stays in that of its file."""
     robot = imported(tmp_path)
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "in" / "arm.xml"))
+
     link = robot.model.element.find("link[@name='upper']")
+
     assert link is not None
     assert (
         next(visual.find("material/color").get("rgba") for visual in link.iterfind("visual"))
         == "1 0 0 1"
     )
+
     shift = model.joint("tilt").pos  # the link's frame lies on its last joint
     for geom, visual in enumerate(link.iterfind("visual"), start=2):
         origin, file = visual.find("origin"), visual.find("geometry/mesh").get("filename")
@@ -214,6 +220,7 @@ def test_meshes_stand_where_mujoco_puts_them(tmp_path, here):
         2,
         1,
     ]
+
     slider = robot.model.element.find("link[@name='slider']")
     # its group is hidden
     assert [len(slider.findall(tag)) for tag in ("visual", "collision")] == [
@@ -232,11 +239,13 @@ def test_a_robot_that_floats_has_no_world(tmp_path, here):
       <body name="hand" mocap="true"><geom type="sphere" size="0.1"/></body>
     </worldbody></mujoco>"""
     robot = imported(tmp_path, text)
+
     assert (robot.model.base, robot.model.root, list(robot.model.axes)) == (
         "floating",
         "trunk",
         ["hip"],
     )
+
     dropped = told(robot, "dropped")
     for words in (
         "'ball': is loose",
@@ -245,6 +254,7 @@ def test_a_robot_that_floats_has_no_world(tmp_path, here):
         "1 shapes of the world",
     ):
         assert words in dropped
+
     plant = plant_of(robot)
     assert plant.CalcTotalMass(plant.CreateDefaultContext()) == pytest.approx(
         1000 * (0.2**3 + 4 / 3 * np.pi * 0.05**3)
@@ -272,14 +282,18 @@ def test_a_ball_is_three_joints(tmp_path, here):
     text = """<mujoco><worldbody><body name="b" pos="0 0 1"><joint name="ball" type="ball" pos="0 0 0.1"/>
       <geom type="box" size="0.1 0.2 0.3" pos="0.1 0 -0.3"/></body></worldbody></mujoco>"""
     robot = imported(tmp_path, text)
+
     assert list(robot.model.axes) == ["ball_x", "ball_y", "ball_z"]
     assert "is a ball; three joints x, y, z" in told(robot, "approximated")
+
     plant, model = plant_of(robot), mujoco.MjModel.from_xml_path(str(tmp_path / "in" / "arm.xml"))
     context, data = plant.CreateDefaultContext(), mujoco.MjData(model)
     angles = [0.3, -0.5, 0.7]
     plant.SetPositions(context, angles)
     mujoco.mju_euler2Quat(data.qpos, angles, "xyz")
+
     mujoco.mj_forward(model, data)
+
     np.testing.assert_allclose(
         plant.CalcCenterOfMassPositionInWorld(context), data.xipos[1], atol=1e-9
     )
@@ -299,6 +313,7 @@ LOST = """<mujoco><worldbody><body name="a"><joint name="one" stiffness="3"/><ge
 def test_what_no_tree_of_motored_joints_can_say_is_told(tmp_path, here):
     robot = imported(tmp_path, LOST.format(loop=""))
     lost = told(robot, "lost")
+
     for words in (
         "joint 'one': a spring of 3",
         "tendon 'string': tendons are not simulated",
@@ -344,7 +359,9 @@ def test_includes_are_put_in(tmp_path, here):
     whole.insert(0, ET.Element("include", file="common/head.xml"))
     first = imported(tmp_path)
     main.write_text(ET.tostring(whole, encoding="unicode"))
+
     second = import_robot(main, tmp_path / "again", isolated=False)
+
     assert ET.tostring(first.model.element) == ET.tostring(second.model.element)
 
 
@@ -391,12 +408,16 @@ def test_plugins_are_never_loaded_and_files_of_others_never_read(tmp_path, here)
         "</worldbody>",
         '</worldbody><actuator><plugin plugin="mujoco.pid" instance="p"/></actuator>',
     )
+
     robot = imported(tmp_path, text)
+
     assert "plugins are never loaded" in told(robot, "dropped")
+
     (tmp_path / "secret.stl").write_bytes((tmp_path / "in" / "parts" / "wedge.stl").read_bytes())
     shown = text.replace(
         'material="red"/>', 'material="red"/><geom type="mesh" mesh="m" mass="0"/>'
     )
+
     with pytest.raises(SimrobError, match=r"secret.stl.* is outside the allowed folders"):
         import_robot(put(tmp_path, shown), tmp_path / "other", isolated=False)
 
@@ -405,12 +426,15 @@ def test_masses_are_made_of_meshes_where_the_file_has_none(tmp_path, here):
     body = '<body name="a"><joint name="j"/><geom type="mesh" mesh="wedge"/></body>'
     asset = '<asset><mesh name="wedge" file="parts/wedge.stl" scale="0.1 0.1 0.1"/></asset>'
     text = f"<mujoco>{asset}<worldbody>{body}</worldbody></mujoco>"
+
     robot = imported(tmp_path, text)
+
     for model, data, plant, context in both(robot, tmp_path / "in" / "arm.xml", 2):
         np.testing.assert_allclose(plant.CalcTotalMass(context), 1000 * 7.5 * 0.1**3, rtol=1e-6)
         np.testing.assert_allclose(
             plant.CalcGravityGeneralizedForces(context), gravity(model, data), rtol=1e-6
         )
+
     robot = import_robot(
         put(tmp_path, text.replace("wedge.stl", "none.stl")), tmp_path / "without", isolated=False
     )
@@ -421,9 +445,11 @@ def test_includes_of_a_large_file_are_found_at_once(tmp_path):
     """Each element was looked at once for each other: a minute for 6000 bodies."""
     root = ET.fromstring(f"<mujoco>{'<body><geom/><geom/></body>' * 6000}</mujoco>")
     start = time.monotonic()
+
     reading._Source(root, MeshPlaces(tmp_path / "a.xml"), ImportReport(tmp_path)).put_in_includes(
         root
     )
+
     assert time.monotonic() - start < 5
 
 
@@ -437,7 +463,9 @@ def test_faces_with_four_corners_weigh_what_mujoco_makes_of_them(tmp_path, here)
     body = '<body name="a"><joint name="j"/><geom type="mesh" mesh="brick"/></body>'
     asset = '<asset><mesh name="brick" file="parts/brick.OBJ" scale="0.1 0.1 0.1"/></asset>'
     file = put(tmp_path, f"<mujoco>{asset}<worldbody>{body}</worldbody></mujoco>")
+
     (tmp_path / "in" / "parts" / "brick.OBJ").write_text("\n".join(lines))
+
     for model, data, plant, context in both(
         import_robot(file, tmp_path / "out", isolated=False), file, 1
     ):
@@ -449,14 +477,20 @@ def test_faces_with_four_corners_weigh_what_mujoco_makes_of_them(tmp_path, here)
 
 def test_what_makes_another_motion_is_told(tmp_path, here):
     lost = told(imported(tmp_path), "lost")
+
     assert not any(words in lost for words in ("gravity", "density", "sliding friction"))
+
     option = '<option gravity="0 0 -981" density="1.2" viscosity="0" wind="0 0 1"/>'
     muscle = '<muscle name="biceps" joint="pan" lengthrange="0 1"/></actuator>'
     shape = '<geom type="sphere" size="0.01" friction="0.6"/><joint name="pan"'
+
     text = ARM.replace("<worldbody>", f"{option}<worldbody>", 1).replace("</actuator>", muscle, 1)
+
     assert shape.partition("/>")[2] in text
+
     robot = imported(tmp_path, text.replace(shape.partition("/>")[2], shape, 1))
     lost = told(robot, "lost")
+
     assert "gravity 0 0 -981: a station has 9.81 m/s² downwards" in lost
     assert "density 1.2: air and water" in lost
     assert "wind 0 0 1: air and water" in lost
@@ -483,7 +517,9 @@ def test_a_model_that_does_not_end_is_stopped(tmp_path, monkeypatch):
 def test_the_confined_process_says_the_same(tmp_path, here, monkeypatch):
     robot, report = imported(tmp_path).model.element, ImportReport(tmp_path)
     monkeypatch.undo()
+
     read = read_source(tmp_path / "in" / "arm.xml", report)
+
     assert [name_of(joint) for joint in read.iterfind("joint")] == [
         name_of(joint) for joint in robot.iterfind("joint")
     ]
@@ -498,10 +534,14 @@ def test_every_command_takes_it(tmp_path, here, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.chdir(tmp_path)
     file = put(tmp_path, OUT.format(""))
+
     shown = CliRunner().invoke(app, ["station", str(file), "--out", "arm.yaml"])
+
     assert shown.exit_code == 0, shown.output
+
     station = load_station("arm.yaml")
     assert station.robots["robot"].urdf == file
+
     shown = CliRunner().invoke(app, ["check", "arm.yaml"])
     assert shown.exit_code == 0, shown.output
 
@@ -519,7 +559,9 @@ def test_copies_without_measure_are_refused_before_they_are_made(tmp_path, count
     body = f'<body name="base"><body name="arm">{hinge}{inner}</body></body>'
     file = tmp_path / "arm.xml"
     file.write_text(f'<mujoco model="arm"><worldbody>{body}</worldbody></mujoco>')
+
     began = time.process_time()
+
     with pytest.raises(
         SimrobError, match=f"more than {reading._MOST_COPIES} elements with all that is replicated"
     ):

@@ -79,6 +79,7 @@ def test_the_moving_jaw_is_found_and_closes_towards_the_fixed_one(
 ) -> None:
     """The jaw's end is 0.08 m from its axis: a turn towards the fixed jaw brings it nearer."""
     model = robot_from_file(arm_file(tmp_path, axis=axis))
+
     assert model.fingers == {2: pytest.approx(ends, abs=1e-5)}
     assert next(iter(model.tools.values())) == "palm"
     np.testing.assert_allclose(model.home, [0, 0, ends[1]], atol=1e-5)  # open at the start
@@ -104,6 +105,7 @@ def test_other_last_joints_are_no_jaws(tmp_path: Path, joint: str, jaw: str) -> 
 def test_the_user_names_the_jaw(tmp_path: Path) -> None:
     file = arm_file(tmp_path, joint="joint_6", jaw="link_6")
     made = import_robot(file, tmp_path / "made", ImportOptions(gripper="joint_6"), apart=False)
+
     assert list(made.model.fingers) == [2]
     assert next(iter(made.model.tools.values())) == "palm"
     assert any("moving jaw" in entry.text for entry in made.report.entries)
@@ -116,28 +118,37 @@ def test_a_first_station_grips(tmp_path: Path) -> None:
     station = tmp_path / "station.yaml"
     station.write_text(draft_station(file, folder=tmp_path))
     arm = Arm(load_station(station, {"mode": "kinematic"}))
+
     arm.grip()
+
     np.testing.assert_allclose(arm.cell.position(arm.name)[2], -0.1, atol=1e-5)
 
 
 def test_the_refusal_of_a_grip_says_what_to_write_into_the_station(tmp_path: Path) -> None:
     file = arm_file(tmp_path, joint="joint_6", jaw="link_6")
+
     with pytest.raises(InvalidParameter, match=r"or import with --gripper joint_6$") as refused:
         Arm(bare_station(str(file))).grip()
     assert "`import_options: {gripper: joint_6}` below urdf in the station" in str(refused.value)
+
     arm = Arm(bare_station(str(file), {"robot.import_options": {"gripper": "joint_6"}}))
     arm.grip()
+
     assert arm.cell.position(arm.name)[2] == pytest.approx(-0.1, abs=1e-4)
 
 
 def test_what_the_refusal_says_to_write_works(tmp_path: Path) -> None:
     file = arm_file(tmp_path, joint="joint_6", jaw="link_6")
     made = import_robot(file, tmp_path / "made", apart=False)
+
     description = made.model.folder / "robot.yaml"
     with pytest.raises(SimrobError, match=r"into .*robot\.yaml") as refused:
         Arm(bare_station(str(description), {"robot.urdf": str(made.model.urdf_path)})).grip()
+
     line = str(refused.value).split("`")[1]
     description.write_text(description.read_text() + line + "\n")
     arm = Arm(bare_station(str(made.model.urdf_path)))
+
     arm.grip()
+
     assert arm.cell.position(arm.name)[2] == pytest.approx(np.deg2rad(-5.73), abs=1e-4)

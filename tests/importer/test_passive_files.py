@@ -73,13 +73,17 @@ def test_examples_of_drake(tmp_path, name, expected):
     file = EXAMPLES / name
     if not file.exists():
         pytest.skip("this Drake has no example files")
+
     assert passive_axes(file, tmp_path) == expected
+
     plant = MultibodyPlant(0.0)
     Parser(plant).AddModels(str(file))
     plant.Finalize()
+
     driven = [
         plant.get_joint_actuator(index).joint().name() for index in plant.GetJointActuatorIndices()
     ]
+
     assert len(driven) == 1
     assert driven != expected
 
@@ -131,7 +135,9 @@ def test_an_armature_without_a_motor_is_lost_in_the_open(tmp_path):
 def test_an_imported_robot_keeps_its_passive_axes(tmp_path):
     file = put(tmp_path, "arm.sdf", sdf("", NO_MOTOR))
     first = import_robot(file, tmp_path / "first", isolated=False)
+
     again = import_robot(first.model.urdf_path, tmp_path / "again", isolated=False)
+
     assert not again.report.has_changes
     assert again.model.passive_axes == first.model.passive_axes == ["two"]
     np.testing.assert_array_equal(again.model.efforts, first.model.efforts)

@@ -120,7 +120,9 @@ def test_an_arm_moves_as_drake_reads_it(tmp_path, version, old):
     element = f"<use_parent_model_frame>{old}</use_parent_model_frame>" if old else ""
     text = ARM.format(version=version, old=element)
     robot = imported(tmp_path, text)
+
     ours, drakes = both(robot, put(tmp_path, text))
+
     for posture in np.random.default_rng(0).uniform(-0.9, 1.9, (5, 3)):
         axes = dict(zip(("shoulder", "elbow", "back"), posture.tolist(), strict=True))
         for mine, theirs in zip(figures(ours, axes), figures(drakes, axes), strict=True):
@@ -133,7 +135,9 @@ def test_an_arm_moves_as_drake_reads_it(tmp_path, version, old):
 
 def test_frames_and_included_models_are_where_drake_has_them(tmp_path):
     robot = imported(tmp_path, NEW, base="floating")
+
     assert list(robot.model.axes) == ["knee_axis", "knee_axis2", "wrist"]
+
     ours, drakes = both(robot, put(tmp_path, NEW))
     for angle in (0.0, 0.7, -1.2):
         mine, theirs = (figures(plant, {"wrist": angle}, "trunk") for plant in (ours, drakes))
@@ -149,7 +153,9 @@ def test_a_model_that_is_merged_is_where_drake_has_it(tmp_path):
         "hand::body", "body"
     )
     robot = imported(tmp_path, merged, base="floating")
+
     ours, drakes = both(robot, put(tmp_path, merged))
+
     for angle in (0.0, 0.7, -1.2):
         mine, theirs = (figures(plant, {"wrist": angle}, "trunk") for plant in (ours, drakes))
         for one, other in zip(mine, theirs, strict=True):
@@ -186,6 +192,7 @@ def test_a_model_that_is_merged_keeps_the_order_of_its_joints(tmp_path):
 def test_colours_and_what_is_lost(tmp_path):
     robot = imported(tmp_path, ARM.format(version="1.6", old=""))
     upper = robot.model.element.find("link[@name='upper']")
+
     assert [visual.find("material/color").get("rgba") for visual in upper.iterfind("visual")] == [
         "1 0 0 1"
     ]
@@ -193,13 +200,16 @@ def test_colours_and_what_is_lost(tmp_path):
     assert "<sensor>: 1 ×" in told(robot, "dropped")
     assert (robot.model.base, robot.model.root) == ("fixed", "robot_world")
     assert not told(robot, "lost")
+
     text = ARM.format(version="1.6", old="").replace(
         "<visual", "<gravity>false</gravity><visual", 1
     )
     text = text.replace(
         "</link>", "<collision><surface><friction/></surface></collision></link>", 1
     )
+
     assert text.count("<friction/>") == text.count("<gravity>") == 1
+
     lost = told(imported(tmp_path, text), "lost")
     assert "<surface>: 1 ×: contact parameters are part of a station" in lost
     assert "is without gravity in the file" in lost
@@ -222,9 +232,12 @@ def test_a_frame_of_the_world_is_left_out_unless_the_robot_is_fixed_to_the_world
 def test_a_closed_loop_is_refused_or_left_out(tmp_path):
     ends = "<parent>base</parent><child>lower</child>"
     loop = f'<joint name="rope" type="revolute">{ends}<axis><xyz>1 0 0</xyz></axis></joint>'
+
     text = ARM.format(version="1.6", old="").replace("</model>", f"{loop}</model>")
+
     with pytest.raises(SimrobError, match=r"rope.* --drop-loops"):
         imported(tmp_path, text)
+
     robot = imported(tmp_path, text, drop_loops=True)
     assert len(robot.model.axes) == 3
 
@@ -242,8 +255,10 @@ def world(*models: str) -> str:
 def test_the_robot_of_a_world_is_found_or_chosen(tmp_path):
     table = model("table", "fixed", "<static>true</static>")
     robot = imported(tmp_path, world(table, model("left")))
+
     assert robot.model.name == "left"
     assert "model 'table': is not part of the robot" in told(robot, "dropped")
+
     two = world(model("left"), model("right"))
     with pytest.raises(
         SimrobError, match=r"contains 2 robots \(left, right\); choose one with --model NAME"
@@ -280,5 +295,7 @@ def test_models_that_include_each_other_are_refused(tmp_path):
 def test_nothing_is_read_from_the_network(tmp_path):
     fuel = "<include><uri>https://fuel.example.org/models/sun</uri></include>"
     file = put(tmp_path, world(fuel, model("left")))
+
     read_source(file, report := ImportReport(file))
+
     assert any(entry.kind == "lost" and "network" in entry.text for entry in report.entries)

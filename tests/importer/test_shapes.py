@@ -115,11 +115,14 @@ def test_stl_becomes_obj_that_drake_shows_and_collides_with(imported: Import) ->
         "meshes/base_collision_1.obj",
         "meshes/base_visual_1.obj",
     ]
+
     source = trimesh.creation.torus(0.1, 0.02, 24, 12)
     assert result.mesh("meshes/base_visual_1.obj").volume == pytest.approx(source.volume, rel=1e-5)
+
     hull = result.mesh("meshes/base_collision_1.obj")
     assert hull.is_convex
     assert hull.volume == pytest.approx(source.convex_hull.volume, rel=0.02)
+
     (visual,), (collision,) = (
         shapes_in_drake(result, Role.kIllustration),
         shapes_in_drake(result, Role.kProximity),
@@ -142,12 +145,14 @@ def test_an_import_of_an_import_changes_nothing(imported: Import, package: Path)
     text = "mtllib skin.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0 0.25\nusemtl a\nf 1/1 2/2 3/3\n"
     (package / "skin.obj").write_text(text)
     names = ["torus.stl", "two.dae", "none.stl", "skin.obj", "box.obj", "box.stl", "torus.stl"]
+
     links = "".join(
         f'<link name="l/{index % 3}{index}"><visual name="v">{MESH.format(name)}</visual>'
         f"<visual>{MESH.format('torus.stl')}</visual><collision>{MESH.format(name)}</collision>"
         f"<collision>{MESH.format('box.stl')}</collision></link>"
         for index, name in enumerate(names)
     )
+
     for collision in ("hull", "box", "none"):
         first = imported(links, collision=collision)
         again = imported(first.file, collision=collision)
@@ -163,7 +168,9 @@ def test_a_clean_obj_is_copied_byte_for_byte(imported: Import, package: Path) ->
     result = imported(
         f'<link name="a"><visual>{shape}</visual><collision>{shape}</collision></link>'
     )
+
     data = (package / "box.obj").read_bytes()
+
     assert result.files()["meshes/a_visual_1.obj"] == data
     assert result.files()["meshes/a_collision_1.obj"] == data  # it is convex
     assert [entry.kind for entry in result.report.entries] == ["read", "read"]
@@ -176,13 +183,16 @@ def test_each_colour_becomes_a_visual_as_in_rviz(imported: Import) -> None:
         '<visual name="v_2"><geometry><sphere radius="1"/></geometry></visual></link>'
     )
     visuals = result.robot.findall("link/visual")
+
     assert [visual.get("name") for visual in visuals] == ["v", "v_3", "v_2"]
     assert [pose_of(visual).translation()[2] for visual in visuals] == [1, 1, 0]
+
     colours = [visual.find("material/color") for visual in visuals]
     assert [colour.get("rgba") for colour in colours if colour is not None] == [
         "1 0 0 1",
         "0 0 1 1",
     ]
+
     names = [material.get("name") for material in result.robot.iter("material")]
     assert len(set(names)) == 3
     assert (
@@ -198,12 +208,15 @@ def test_a_texture_stays_with_its_mesh(imported: Import, package: Path) -> None:
     vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 0.5 0\nvt 0 0.25\n"
     text = f"mtllib a.mtl\n{vertices}usemtl m\nf 1/1 2/2 3/3\nf 1/1 1/1 2/2\n"
     (package / "a.obj").write_text(text)
+
     result = imported(
         f'<link name="base"><visual>{MESH.format("a.obj")}<material name="x"/></visual></link>'
     )
+
     assert {"meshes/base_visual_1.mtl", "meshes/base_visual_1.png"} < set(result.files())
     assert b"map_Kd base_visual_1.png" in result.files()["meshes/base_visual_1.mtl"]
     assert result.robot.find("link/visual/material") is None  # Drake would complain that it has two
+
     written = result.mesh("meshes/base_visual_1.obj")
     np.testing.assert_allclose(written.visual.uv[written.faces[0]], [[0, 0], [0.5, 0], [0, 0.25]])
     assert written.visual.material.image.getpixel((5, 5)) == (200, 30, 30)
@@ -214,6 +227,7 @@ def test_a_scale_is_baked_in(imported: Import) -> None:
     result = imported(
         f'<link name="a"><visual>{shape}</visual><collision>{shape}</collision></link>'
     )
+
     for name in (*result.meshes("visual"), *result.meshes("collision")):
         assert result.mesh(name).volume == pytest.approx(0.008, rel=1e-5)
         np.testing.assert_allclose(
@@ -240,11 +254,14 @@ def test_a_collision_mesh_becomes_a_box_at_its_place(imported: Import) -> None:
         "</collision></link>",
         collision="box",
     )
+
     assert sorted(result.files()) == ["arm.urdf"]
+
     (box,) = result.robot.iterfind("link/collision/geometry/box")
     np.testing.assert_allclose(
         [float(word) for word in box.get("size", "").split()], [0.1, 0.2, 0.4], atol=1e-7
     )
+
     collision = result.robot.find("link/collision")
     assert collision is not None
     np.testing.assert_allclose(pose_of(collision).translation(), [1 - 0.5, 0.3, 0.7], atol=1e-7)
@@ -256,6 +273,7 @@ def test_without_collision_nothing_is_left_to_touch(imported: Import) -> None:
         f'<link name="a"><collision>{sphere}</collision><collision>{MESH.format("box.stl")}</collision></link>',
         collision="none",
     )
+
     assert result.robot.find("link/collision") is None
     assert sorted(result.files()) == ["arm.urdf"]
     assert (
@@ -270,9 +288,12 @@ def test_a_robot_without_collision_shapes_gets_them_from_its_visuals(imported: I
         f'<link name="a"><visual><origin xyz="1 2 3"/>{MESH.format("torus.stl")}</visual></link>'
         f'<link name="b"><visual>{sphere}</visual><visual>{MESH.format("none.stl")}</visual></link><link name="c"/>'
     )
+
     result = imported(links)
+
     assert len(shapes_in_drake(result, Role.kProximity)) == 2
     assert result.robot.find("link[@name='b']/collision/geometry/sphere") is not None
+
     collision = result.robot.find("link[@name='a']/collision")
     assert collision is not None
     assert pose_of(collision).translation().tolist() == [1, 2, 3]
@@ -288,6 +309,7 @@ def test_a_mesh_that_is_nowhere_is_dropped_with_what_follows(imported: Import) -
         f'<link name="a"><visual>{MESH.format("none.stl")}</visual><visual>{MESH.format("http://x.org/a.stl")}</visual>'
         f"<collision>{MESH.format('package://other/none.stl')}</collision></link>"
     )
+
     assert result.robot.find("link/visual") is None
     assert result.robot.find("link/collision") is None
     assert (
@@ -309,7 +331,9 @@ def test_a_collision_mesh_that_cannot_be_read_gives_way_to_the_visuals(
         f'<link name="a"><visual><origin xyz="1 0 0"/>{MESH.format("torus.stl")}</visual>'
         f"<collision>{MESH.format('bad.stl')}</collision><collision>{MESH.format('none.stl')}</collision></link>"
     )
+
     (collision,) = result.robot.iterfind("link/collision")
+
     assert pose_of(collision).translation().tolist() == [1, 0, 0]
     assert result.mesh("meshes/a_collision_1.obj").is_convex
     assert "less than an STL header; the link's visuals are used instead" in result.told()
@@ -321,7 +345,9 @@ def test_a_mesh_outside_of_the_package_refuses_the_robot(
 ) -> None:
     secret = tmp_path / "secret.stl"
     secret.write_bytes((package / "box.stl").read_bytes())
+
     (package / "linked.stl").symlink_to(secret)
+
     for tag in ("visual", "collision"):
         for name in ("../secret.stl", "linked.stl"):
             text = f'<link name="a"><{tag}>{MESH.format(name)}</{tag}></link>'
@@ -341,6 +367,7 @@ def test_the_same_mesh_is_written_once(imported: Import) -> None:
         f'<link name="b"><visual>{MESH.format("./box.stl")}</visual><visual>{scaled}</visual></link>',
         collision="none",
     )
+
     assert result.meshes("visual") == [
         "meshes/a_visual_1.obj",
         "meshes/a_visual_1.obj",
@@ -355,6 +382,7 @@ def test_files_are_named_by_links_and_nothing_is_written_elsewhere(
     before = {path for path in tmp_path.rglob("*") if "out" not in str(path)}
     names = ["../../evil", "a b", "a_b", "A_B", "", "手", "x" * 300]
     meshes = ["box.stl", "torus.stl"]
+
     result = imported(
         "".join(
             f'<link name="{name}"><visual><geometry><mesh filename="{meshes[index % 2]}" scale="{index + 1}"/>'
@@ -362,6 +390,7 @@ def test_files_are_named_by_links_and_nothing_is_written_elsewhere(
             for index, name in enumerate(names)
         )
     )
+
     assert len({name.lower() for name in result.meshes("visual")}) == len(names)
     assert "meshes/______evil_visual_1.obj" in result.files()
     assert all(len(Path(name).name) < 120 for name in result.files())
@@ -374,9 +403,11 @@ def test_without_a_folder_all_is_told_and_nothing_written(package: Path) -> None
     text = f'<robot name="arm"><link name="a"><visual>{MESH.format("torus.stl")}</visual></link></robot>'
     robot, report = ET.fromstring(text), ImportReport(package / "arm.urdf")
     before = sorted(package.rglob("*"))
+
     import_shapes(
         robot, source=package / "arm.urdf", folder=None, options=ImportOptions(), report=report
     )
+
     assert len(report.of("repaired")) == 1
     assert len(report.of("defaulted")) == 1
     assert sorted(package.rglob("*")) == before
@@ -414,6 +445,7 @@ def test_a_shape_that_is_none_is_dropped(
     imported: Import, tag: str, geometry: str, problem: str
 ) -> None:
     result = imported(f'<link name="a"><{tag}>{geometry}</{tag}></link>')
+
     assert result.robot.find(f"link/{tag}") is None
     assert f"dropped: link 'a' <{tag}>: " in result.told()
     assert problem in result.told()
@@ -434,6 +466,7 @@ def test_shapes_that_are_right_stay_as_they_are(imported: Import) -> None:
             for index, shape in enumerate(shapes)
         )
     )
+
     assert result.report.entries == []
     assert len(shapes_in_drake(result, Role.kProximity)) == len(shapes)
 
@@ -444,6 +477,7 @@ def test_of_several_shapes_in_a_geometry_the_first_stays(imported: Import) -> No
         "</link>"
     )
     (geometry,) = result.robot.iterfind("link/collision/geometry")
+
     assert [child.tag for child in geometry] == ["sphere"]
     assert result.told().count("a <geometry> has one shape, here <sphere>") == 2
 
@@ -465,6 +499,8 @@ def test_collision_shapes_have_no_texture(imported: Import, package: Path) -> No
     )
     (package / "box.glb").write_bytes(trimesh.Scene([box]).export(file_type="glb"))
     result = imported(f'<link name="a"><visual>{MESH.format("box.glb")}</visual></link>')
+
     names = {name.removeprefix("meshes/") for name in result.files()} - {"arm.urdf"}
+
     assert names == {"a_collision_1.obj", "a_visual_1.mtl", "a_visual_1.obj", "a_visual_1.png"}
     assert b"mtl" not in result.files()["meshes/a_collision_1.obj"]

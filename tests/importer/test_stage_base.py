@@ -50,6 +50,7 @@ WHEEL = ["continuous"]
 )
 def test_the_base_is_found_and_the_reason_told(tmp_path, element, base, reason):
     report = ImportReport(tmp_path / "a.urdf")
+
     assert choose_base(element, ImportOptions(), report) == base
     [entry] = report.entries
     assert entry.kind == "read"
@@ -152,7 +153,9 @@ def test_names_tell_legs_and_wheels_from_arms_and_hands(tmp_path, element, base,
 def test_a_choice_wins(tmp_path, base, root):
     report = ImportReport(tmp_path / "a.urdf")
     element = robot([LEG, LEG], root=root)
+
     element.set("simrob_base", "floating")
+
     assert choose_base(element, ImportOptions(base=base), report) == base
     assert report.entries[0].text == f"{base} base: chosen by the user"
     assert element.get("simrob_base") is None

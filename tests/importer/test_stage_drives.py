@@ -111,7 +111,9 @@ DRIVES = [
 @pytest.mark.parametrize(("drives", "kind", "words"), DRIVES)
 def test_every_joint_gets_one_motor(tmp_path, drives, kind, words):
     done = Repaired(with_defect(DRIVE, drives, TWO), tmp_path)
+
     assert any(words in line for line in done.told(kind)), done.report.entries
+
     motors = [
         done.plant.get_joint_actuator(index) for index in done.plant.GetJointActuatorIndices()
     ]
@@ -142,6 +144,7 @@ def effort(done: Repaired, name: str) -> float:
 @pytest.mark.parametrize("bad", ['effort="0"', "", 'effort="-5"', 'effort="nan"'])
 def test_a_missing_effort_holds_three_times_what_hangs_on_the_joint(tmp_path, bad):
     done = Repaired(DRIVEN.replace('effort="10"', bad), tmp_path)
+
     shoulder = 3 * G * (1 * 0.1 + 2 * (0.3 + 0.1 + 0.2))  # by hand: both masses, stretched out
     assert effort(done, "shoulder") == pytest.approx(39)
     assert shoulder == pytest.approx(38.2, abs=0.1)
@@ -157,8 +160,10 @@ def test_a_light_wrist_is_not_a_toy_beside_a_strong_shoulder(tmp_path):
         ELBOW, ELBOW.replace('effort="10"', "")
     )
     done = Repaired(text, tmp_path)
+
     assert effort(done, "shoulder") == 500
     assert effort(done, "elbow") == 50
+
     limitless = Repaired(text.replace('effort="500"', 'effort="1e9"'), tmp_path)
     assert effort(limitless, "shoulder") == 1e9
     assert effort(limitless, "elbow") == 12
@@ -171,12 +176,17 @@ def test_the_least_efforts_and_those_without_masses(tmp_path):
         .replace('"1"/>', '"1e-6"/>')
     )
     light = light.replace('"0.01"', '"1e-9"')
+
     assert effort(Repaired(light, tmp_path), "elbow") == 1
+
     slide = light.replace('type="revolute"', 'type="prismatic"')
     assert effort(Repaired(slide, tmp_path), "elbow") == 10
+
     start, end = ARM.index("<inertial>"), ARM.index("</inertial>") + len("</inertial>")
     bare = (ARM[:start] + ARM[end:]).replace('effort="10"', 'effort="0"')
+
     guessed = Repaired(bare, tmp_path)
+
     assert effort(guessed, "shoulder") == 10
     assert any(
         line.endswith("10 N·m, a guess, as no mass is given") for line in guessed.told("defaulted")
@@ -203,10 +213,13 @@ def test_the_legs_of_a_floating_robot_can_carry_it(tmp_path):
                 joint(f"j_{child}", parent, child, "revolute", inside),
             ]
     walker = f'<robot name="walker">{"".join(parts)}</robot>'
+
     done = Repaired(walker, tmp_path)
+
     assert done.base == "floating"
     hip = G * (30 + 3 * 2) * (0.2 + 0.2 + 0.2)  # all but the leg itself, at the end of the leg
     assert hip <= effort(done, "j_l1") <= 1.1 * hip
+
     held = Repaired(walker, tmp_path, ImportOptions(base="fixed"))
     leg = 3 * G * 2 * (0.2 + 0.4 + 0.6)  # three times the leg alone
     assert leg <= effort(held, "j_l1") <= 1.1 * leg
@@ -215,6 +228,7 @@ def test_the_legs_of_a_floating_robot_can_carry_it(tmp_path):
 @pytest.mark.parametrize("bad", ['velocity="0"', "", 'velocity="-1"'])
 def test_a_missing_velocity_is_a_half_turn_or_a_metre_a_second(tmp_path, bad):
     turning = Repaired(with_defect('velocity="3"', bad), tmp_path)
+
     assert turning.plant.GetJointByName("shoulder").velocity_upper_limits() == pytest.approx(
         [np.pi]
     )
@@ -222,6 +236,7 @@ def test_a_missing_velocity_is_a_half_turn_or_a_metre_a_second(tmp_path, bad):
         "'shoulder' <limit>: no velocity above 0; set to 3.142 rad/s" in line
         for line in turning.told("defaulted")
     )
+
     sliding = Repaired(with_defect('velocity="3"', bad).replace("revolute", "prismatic"), tmp_path)
     assert sliding.plant.GetJointByName("shoulder").velocity_upper_limits() == [1.0]
 
@@ -236,7 +251,9 @@ def test_an_estimated_motor_moves_its_own_armature(tmp_path):
     text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace(
         ELBOW, ELBOW.replace('effort="10"', "")
     )
+
     done = Repaired(text, tmp_path)
+
     needed = G * 2 * 0.2 + (ARMATURE + 2 * 0.2**2) * ACCELERATION
     assert needed <= effort(done, "elbow") <= 1.15 * needed
     assert any("its rotor inertia of 3" in line for line in done.told("defaulted"))
@@ -247,7 +264,9 @@ def test_a_sliding_motor_moves_its_own_armature(tmp_path):
     text = with_defect(DRIVE, drive("elbow", gears=gears), TWO).replace(
         'type="revolute"', 'type="prismatic"'
     )
+
     done = Repaired(text.replace('effort="10"', ""), tmp_path)
+
     needed = G * 2 + (40 + 2) * 5
     assert needed <= effort(done, "elbow") <= 1.1 * needed
 

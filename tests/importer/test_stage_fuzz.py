@@ -131,6 +131,8 @@ def test_random_damage_is_repaired_or_refused(folder, data):
         estimate_inertia=data.draw(st.booleans()), friction_as_damping=data.draw(st.booleans())
     )
     text = ET.tostring(robot, encoding="unicode")
+
     refusal = refusal_of(text, folder, options)
+
     assert "\n" not in refusal
     assert "Drake cannot read this file" not in refusal

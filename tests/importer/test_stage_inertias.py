@@ -72,15 +72,18 @@ UNUSABLE = [
 def test_an_impossible_inertia_is_left_out_or_estimated(tmp_path, good, bad, words, mass):
     text = with_defect(good, bad)
     left_out = Repaired(text, tmp_path)
+
     assert any(words in line and line.endswith("left out") for line in left_out.told("dropped"))
     assert left_out.told("open") == [
         "link 'upper': has no usable inertia, so dynamic stations refuse this robot; "
         "write one, or estimate it with --estimate-inertia"
     ]
     assert links_without_inertia(left_out.robot) == ["upper"]
+
     estimated = Repaired(text, tmp_path, ESTIMATE)
     assert any(words in line and "; estimated " in line for line in estimated.told("defaulted"))
     assert estimated.told("open") == []
+
     found, centre, about = body(estimated)
     # the link's own where it is possible, of its shapes at 1000 kg/m³ else
     assert found == pytest.approx(mass)
@@ -92,7 +95,9 @@ def test_an_impossible_inertia_is_left_out_or_estimated(tmp_path, good, bad, wor
 
 def test_a_missing_inertia_is_refused_or_estimated(tmp_path):
     text = with_defect(INERTIAL, "")
+
     assert len(Repaired(text, tmp_path).told("open")) == 1
+
     done = Repaired(text, tmp_path, ImportOptions(estimate_inertia=True, density=100))
     assert body(done)[0] == pytest.approx(0.3)
     assert (
@@ -118,7 +123,9 @@ def test_mass_zero_and_moments_zero_is_how_nothing_is_written(tmp_path):
 def test_a_point_mass_on_a_body_with_moments_stays(tmp_path):
     point = f'<inertial><origin xyz="0 0 0.1"/><mass value="2"/>{moments(0, 0, 0)}</inertial>'
     clean = Repaired(with_defect(TIP, f'<link name="tip">{point}</link>'), tmp_path)
+
     assert not clean.report.has_changes
+
     told = Repaired(
         with_defect(TIP, f'<link name="tip">{point.replace(moments(0, 0, 0), "")}</link>'), tmp_path
     )
@@ -150,6 +157,7 @@ def test_rounded_moments_are_mended_by_as_much_as_they_miss(tmp_path, given):
 def test_mending_moves_each_moment_alike_and_turns_with_the_axes():
     turn = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
     found = correct_rounding(turn @ np.diag([0.01, 0.01, 0.0200003]) @ turn.T)
+
     np.testing.assert_allclose(
         found, turn @ np.diag([0.0100001, 0.0100001, 0.0200002]) @ turn.T, atol=1e-10
     )
@@ -162,8 +170,10 @@ def test_shapes_add_up_and_visuals_stand_in_where_there_is_no_collision(tmp_path
     both = Repaired(
         with_defect(INERTIAL, COLLISION.replace("0 0 0.1", "0 0 0.5")), tmp_path, ESTIMATE
     )
+
     assert body(both)[0] == pytest.approx(6)
     assert body(both)[1] == pytest.approx([0, 0, 0.3])
+
     seen = Repaired(with_defect(INERTIAL, ball, BARE), tmp_path, ESTIMATE)
     assert body(seen)[0] == pytest.approx(4 / 3 * np.pi)
     assert body(seen)[1] == pytest.approx([0, 0, 1])
@@ -182,7 +192,9 @@ def test_shapes_add_up_and_visuals_stand_in_where_there_is_no_collision(tmp_path
 def test_every_shape_has_a_volume(tmp_path, shape, volume):
     (tmp_path / "t.obj").write_text(TETRAHEDRON)
     solid = f"<collision><geometry>{shape}</geometry></collision>"
+
     done = Repaired(with_defect(INERTIAL, solid, BARE), tmp_path, ESTIMATE)
+
     assert body(done)[0] == pytest.approx(1000 * volume)
 
 
@@ -204,12 +216,14 @@ def test_a_flat_mesh_is_no_body(tmp_path):
 def test_the_shapes_of_rigidly_joined_links_make_one_body(tmp_path):
     text = with_defect(TIP, f'<link name="tip">{COLLISION}</link>', with_defect(INERTIAL, "", BARE))
     done = Repaired(text, tmp_path, ESTIMATE)
+
     assert body(done)[0] == pytest.approx(3)
     assert body(done)[1] == pytest.approx([0, 0, 0.4])
 
 
 def test_the_root_of_a_floating_robot_needs_an_inertia_too(tmp_path):
     floating = ImportOptions(base="floating")
+
     assert [line.split(":")[0] for line in Repaired(ARM, tmp_path, floating).told("open")] == [
         "link 'base'"
     ]
@@ -243,6 +257,7 @@ def test_estimates_are_for_bodies_without_mass_only(tmp_path):
     done = Repaired(
         with_defect(END, f'<link name="hand">{COLLISION}</link>{elbow}{END}'), tmp_path, ESTIMATE
     )
+
     assert body(done)[0] == 1.0
     assert body(done, "hand")[0] == pytest.approx(3.0)
 

@@ -120,6 +120,7 @@ RANGES = [
 def test_the_range_of_a_joint_is_what_the_file_means(tmp_path, kind, text, expected, told, words):
     done = Repaired(with_defect(LIMIT, text).replace(REVOLUTE, f'type="{kind}"'), tmp_path)
     moved = done.plant.GetJointByName("shoulder")
+
     assert (moved.position_lower_limits()[0], moved.position_upper_limits()[0]) == expected
     if told is None:
         assert not done.report.has_changes
@@ -157,12 +158,14 @@ def test_a_joint_of_equal_limits_is_fixed_there(tmp_path, kind, axis):
     positions = free.plant.GetPositions(context)
     positions[free.plant.GetJointByName("elbow").position_start()] = 0.5
     free.plant.SetPositions(context, positions)
+
     expected, found = (
         done.plant.CalcRelativeTransform(
             place, done.plant.GetFrameByName("base"), done.plant.GetFrameByName("hand")
         )
         for done, place in ((free, context), (held, held.plant.CreateDefaultContext()))
     )
+
     assert found.IsNearlyEqualTo(expected, 1e-12)
     assert not held.plant.HasJointNamed("elbow")
     assert any("are both 0.5, so the joint cannot move" in line for line in held.told("repaired"))
@@ -257,6 +260,7 @@ def test_rounded_axes_stay_as_they_are(tmp_path):
 def test_friction_becomes_damping_where_chosen(tmp_path):
     text = with_defect(DYNAMICS, '<dynamics damping="0.1" friction="0.25"/>')
     done = Repaired(text, tmp_path, ImportOptions(friction_as_damping=True))
+
     assert done.plant.GetJointByName("shoulder").default_damping() == pytest.approx(0.35)
     assert any(
         "friction 0.25 is added to damping 0.1, which becomes 0.35" in line
@@ -269,6 +273,7 @@ def test_a_mimic_joint_gets_a_motor_of_its_own(tmp_path):
         "finger", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}<mimic joint="shoulder"/>'
     )
     done = Repaired(with_defect(END, f'<link name="hand"/>{finger}{END}'), tmp_path)
+
     assert done.plant.num_actuators() == 2
     assert any(
         "mimics 'shoulder' with a multiplier of 1 and an offset of 0; stations couple" in line
@@ -282,7 +287,9 @@ def test_a_mimic_joint_gets_a_motor_of_its_own(tmp_path):
 def test_a_joint_that_follows_nothing_that_moves_is_fixed_and_not_coupled(tmp_path, mimic):
     clamp = '<link name="plate"/>' + joint("clamp", "tip", "plate", "fixed")
     finger = joint("finger", "tip", "hand", "revolute", f'<axis xyz="0 1 0"/>{LIMIT}{mimic}')
+
     done = Repaired(with_defect(END, f'{clamp}<link name="hand"/>{finger}{END}'), tmp_path)
+
     assert done.plant.num_actuators() == 1
     assert any("joint 'finger'" in line and "fixed at 0" in line for line in done.told("repaired"))
     assert not any("couple" in line for line in done.told("read"))
@@ -323,6 +330,7 @@ def test_a_floating_joint_at_an_empty_root_is_a_floating_base(tmp_path):
         END, '<link name="odom"/>' + joint("float", "odom", "base", "floating") + END
     )
     done = Repaired(text, tmp_path)
+
     assert done.base == "floating"
     assert root_link(done.robot) == "base"
     assert any("floats at the empty root 'odom'" in line for line in done.told("repaired"))

@@ -135,6 +135,7 @@ def test_a_material_is_mended_and_told(tmp_path, text, kind, words, first):
 def test_nameless_colours_of_visuals_need_no_repair(tmp_path):
     blue = '<material name=""><color rgba="0 0 1 1"/></material>'
     done = Repaired(with_visual(blue, with_visual(blue.replace("0 0 1", "0 1 0"))), tmp_path)
+
     assert not done.report.has_changes
     assert colours(done)[:2] == [(0, 0, 1, 1), (0, 1, 0, 1)]
 
@@ -142,7 +143,9 @@ def test_nameless_colours_of_visuals_need_no_repair(tmp_path):
 def test_one_new_name_serves_all_visuals_of_that_colour(tmp_path):
     blue = '<material name="red"><color rgba="0 0 1 1"/></material>'
     done = Repaired(with_visual(blue, with_visual(blue)), tmp_path)
+
     names = [material.get("name") for material in done.robot.iterfind("link/visual/material")]
+
     assert names == ["red_2", "red_2", "red"]
     assert colours(done) == [(0, 0, 1, 1), (0, 0, 1, 1), (1, 0, 0, 1)]
 
@@ -161,8 +164,11 @@ def test_a_colour_that_one_visual_defines_outlives_it(tmp_path):
     text = text.replace('<link name="base">', f'<link name="base">{missing.format(blue)}')
     source = tmp_path / "arm.urdf"
     source.write_text(text)
+
     imported = import_robot(source, tmp_path.parent / f"{tmp_path.name}_out")
+
     assert "there is no such file" in imported.report.of("dropped")[0].text
+
     material = imported.model.element.find("material[@name='blue']/color")
     assert material.get("rgba") == "0 0 1 1"
 
@@ -179,4 +185,5 @@ def test_a_material_without_colour_is_no_reason_to_refuse_a_robot(tmp_path, mate
     source = tmp_path / "arm.urdf"
     source.write_text(with_defect("</robot>", f"{material}</robot>"))
     robot = robot_from_file(source)
+
     add_urdf(MultibodyPlant(0.0), robot.element, name="robot", where=source)

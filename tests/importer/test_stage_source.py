@@ -81,8 +81,10 @@ def test_what_is_no_urdf_is_refused(tmp_path, content, words):
 def test_files_that_are_none_are_refused(tmp_path):
     assert "there is no such file" in refusal(tmp_path / "none.urdf")
     assert "is a folder" in refusal(tmp_path)
+
     pipe = tmp_path / "pipe.urdf"
     os.mkfifo(pipe)
+
     assert "is not a regular file" in refusal(pipe)
     assert "there is no such file" in refusal(tmp_path / ("a" * 300))
 
@@ -90,7 +92,9 @@ def test_files_that_are_none_are_refused(tmp_path):
 def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr(xml_file, "LARGEST_URDF", 1_000_000)
     path = tmp_path / "a.urdf"
+
     path.write_bytes(b"<robot>" + b" " * 1_000_001 + b"</robot>")
+
     assert "is larger than 1 MB" in refusal(path)
 
 
@@ -130,7 +134,9 @@ def test_a_file_of_unusual_size_is_refused(tmp_path, monkeypatch):
 )
 def test_what_readers_do_not_mind_is_mended_and_told(tmp_path, content, words):
     robot, report = read(tmp_path / "a.urdf", content)
+
     assert movable_joints(robot) == ["shoulder"]
+
     [(kind, text)] = told(report)
     assert kind == "repaired"
     assert words in text
@@ -139,6 +145,7 @@ def test_what_readers_do_not_mind_is_mended_and_told(tmp_path, content, words):
 def test_an_encoding_is_heeded(tmp_path):
     text = '<?xml version="1.0" encoding="iso-8859-1"?><robot name="cañón"/>'
     robot, report = read(tmp_path / "a.urdf", text.encode("latin-1"))
+
     assert robot.get("name") == "cañón"
     assert report.entries == []
 
@@ -151,6 +158,7 @@ def test_an_encoding_after_a_comment_is_heeded(tmp_path):
 def test_undeclared_prefixes_are_no_error(tmp_path):
     text = ARM.replace("<link ", '<gazebo:plugin ros:speed="3"/><link ros:mass="1" ', 1)
     robot, report = read(tmp_path / "a.urdf", text.encode())
+
     assert told(report) == [
         ("dropped", "<gazebo:plugin> 1 ×: belongs to a namespace of another program"),
         ("dropped", "attribute ros:mass 1 ×: belongs to a namespace of another program"),
@@ -171,7 +179,9 @@ def test_elements_of_drake_stay_however_they_are_declared(tmp_path, declared, pr
         "<robot", f"<robot{declared}"
     )
     robot, report = read(tmp_path / "a.urdf", text.encode())
+
     limit = robot.find("joint/limit")
+
     assert limit is not None
     assert limit.get(f"{DRAKE}acceleration") == "7"
     assert report.entries == []
@@ -189,7 +199,9 @@ def test_comments_that_hide_elements_are_told_once(tmp_path):
     _, report = read(
         tmp_path / "a.urdf", ARM.replace("<link ", f"{hidden}<!-- by <a@b.c> --><link ", 1).encode()
     )
+
     [(kind, text)] = told(report)
+
     assert kind == "read"
     assert text.startswith("2 comments contain elements (")
     assert "1 <visual>" in text

@@ -20,6 +20,7 @@ BUSHING = "".join(
 
 def test_a_clean_robot_is_left_as_it_is(tmp_path):
     done = Repaired(ARM, tmp_path)
+
     assert not done.report.has_changes
     assert [entry.kind for entry in done.report.entries] == ["read"]
     assert ET.tostring(done.robot) == ET.tostring(ET.fromstring(ARM))
@@ -254,9 +255,11 @@ def test_elements_of_drake_stay(tmp_path):
     )
     ends = '<drake:bushing_frameA name="tip"/><drake:bushing_frameC name="base"/>'
     bushing = f"<drake:linear_bushing_rpy>{ends}{BUSHING}</drake:linear_bushing_rpy>"
+
     done = Repaired(
         with_defect(END, f'<frame name="f" link="tip"/>{group}{bushing}{END}'), tmp_path
     )
+
     assert not done.report.has_changes
     assert done.plant.HasFrameNamed("f")
     assert done.plant.num_force_elements() == 2  # gravity is the other
@@ -279,15 +282,18 @@ def test_a_world_link_becomes_a_root_of_another_name(tmp_path):
         + END,
     )
     done = Repaired(text, tmp_path)
+
     assert root_link(done.robot) == "robot_world"
     assert any("had the name 'world'" in entry for entry in done.told("repaired"))
     assert done.base == "fixed"
+
     pose = done.plant.GetFrameByName("base").GetFixedPoseInBodyFrame()
     assert pose.translation().tolist() == [1, 2, 3]
 
 
 def test_a_joint_from_drakes_world_gets_a_link_to_start_at(tmp_path):
     done = Repaired(with_defect(END, joint("stand", "world", "base") + END), tmp_path)
+
     assert root_link(done.robot) == "robot_world"
     assert any("a joint starts at 'world'" in entry for entry in done.told("repaired"))
     assert done.base == "fixed"
@@ -344,7 +350,9 @@ NUMBERS = [
 def test_numbers_are_understood_or_counted_as_missing(tmp_path, text, right, kind):
     robot = ET.fromstring(f"<robot><link name='l'>{text}</link></robot>")
     report = ImportReport(tmp_path / "a.urdf")
+
     repair_numbers(robot, report)
+
     values = list(robot[0][0].attrib.values())
     assert values == ([] if right is None else [right])
     assert [entry.kind for entry in report.entries] == ([] if kind is None else [kind])
@@ -353,7 +361,9 @@ def test_numbers_are_understood_or_counted_as_missing(tmp_path, text, right, kin
 def test_one_unreadable_moment_makes_all_of_them_missing(tmp_path):
     robot = ET.fromstring(f"<robot><link name='l'>{INERTIA.replace('0.01', 'x', 1)}</link></robot>")
     report = ImportReport(tmp_path / "a.urdf")
+
     repair_numbers(robot, report)
+
     assert robot[0][0].attrib == {}
     assert [entry.text for entry in report.entries] == [
         'ixx="x" is not a finite number; the moments count as missing'
@@ -363,6 +373,7 @@ def test_one_unreadable_moment_makes_all_of_them_missing(tmp_path):
 def test_a_closing_joint_is_left_out_where_that_is_asked_for(tmp_path):
     text = with_defect(END, '<loop_joint name="l"/>' + END)
     done = Repaired(text, tmp_path, ImportOptions(drop_loops=True))
+
     assert any("<loop_joint> 'l'" in line and "left out" in line for line in done.told("lost"))
     with pytest.raises(InvalidModel, match="--drop-loops"):
         Repaired(text, tmp_path)

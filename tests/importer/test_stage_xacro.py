@@ -84,10 +84,13 @@ def test_a_comment_before_the_declaration_does_no_harm(tmp_path):
 def test_macros_of_other_packages_are_found_and_computed(tmp_path):
     path = packages(tmp_path)
     robot = read_source(path, report := ImportReport(path))
+
     assert [link.get("name") for link in robot.iterfind("link")] == ["base", "upper", "lower"]
+
     inertia = robot.find("link[@name='upper']/inertial/inertia")
     assert inertia is not None
     assert float(inertia.attrib["ixx"]) == pytest.approx(2 * 0.3**2 / 12)
+
     told = [
         "arguments, which --xacro-arg NAME:=VALUE sets: mass:=2",
         "the macros of the xacro file are expanded",
@@ -100,8 +103,11 @@ def test_macros_of_other_packages_are_found_and_computed(tmp_path):
 def test_packages_are_found_below_a_mesh_path_and_told_where_they_are_not(tmp_path):
     path = packages(tmp_path / "here")
     (tmp_path / "there" / "deep").mkdir(parents=True)
+
     (path.parents[2] / "bars").rename(tmp_path / "there" / "deep" / "bars")
+
     assert "package 'bars' is not found; give its folder with --mesh-path DIR" in refusal(path)
+
     read_source(path, ImportReport(path), ImportOptions(mesh_path=(tmp_path / "there",)))
 
 
@@ -110,16 +116,23 @@ def test_packages_are_found_below_a_mesh_path_and_told_where_they_are_not(tmp_pa
 def test_a_station_runs_a_xacro_and_notices_what_it_includes(tmp_path, monkeypatch):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     path = packages(tmp_path)
+
     assert robot_from_file(path).axes.keys() == {"shoulder", "elbow"}
+
     bar = tmp_path / "bars" / "bar.xacro"
     bar.write_text(bar.read_text().replace("0.3", "0.6"))
+
     [origin] = robot_from_file(path).element.findall("joint[@name='elbow']/origin")
+
     assert origin.get("xyz") == "0 0 0.6"
+
     station = tmp_path / "arm.yaml"
     station.write_text(
         f"robot: {{urdf: {path}, import_options: {{xacro_arg: ['mass:=3']}}}}\nmode: dynamic\n"
     )
+
     result = simulate(load_station(station), duration=0.02)
+
     assert result.stopped_by is None
 
 
@@ -129,6 +142,7 @@ def test_an_import_takes_arguments_and_keeps_the_name(tmp_path):
     done = CliRunner().invoke(
         app, ["import", str(path), "--out", str(tmp_path / "out"), "--xacro-arg", "mass:=5"]
     )
+
     assert done.exit_code == 0, done.output
     assert 'mass value="5"' in (tmp_path / "out" / "arm.urdf").read_text()
     assert "'mass=5' is not of the form NAME:=VALUE" in refusal(path, xacro_arg=("mass=5",))
@@ -138,7 +152,9 @@ def test_an_import_takes_arguments_and_keeps_the_name(tmp_path):
 def test_without_xacro_one_line_says_how(tmp_path, monkeypatch, text):
     monkeypatch.setattr(xacro.importlib.util, "find_spec", lambda name: None)
     path = tmp_path / "arm.xacro"
+
     path.write_text(text)
+
     assert refusal(path).endswith(
         'is a xacro file, which needs the extra xacro: pip install "xacro>=2.1"'
     )
@@ -148,9 +164,11 @@ def test_a_folder_called_xacro_is_not_taken_for_the_package(tmp_path):
     (tmp_path / "xacro").mkdir()
     code = "import sys; sys.path = [p for p in sys.path if 'site-packages' not in p]; import importlib.util as u\n"
     code += "found = u.find_spec('xacro'); print(found is not None and found.origin is not None)"
+
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, check=True
     )
+
     assert done.stdout.decode().strip() == "False"
 
 
@@ -185,7 +203,9 @@ def test_a_xacro_without_end_is_stopped(tmp_path, monkeypatch):
     path = alone(
         tmp_path, '<link name="${[len([0 for i in range(90000)]) for k in range(90000)]}"/>'
     )
+
     start = time.monotonic()
+
     assert "the process does not end within 1.5 s" in refusal(path)
     assert time.monotonic() - start < 15
 
@@ -206,7 +226,9 @@ def test_nothing_is_read_outside_of_the_folders_of_meshes(tmp_path, reading):
     secret.write_text(f"{HEAD}<link name='secret'/></robot>")
     path = alone(tmp_path, reading.replace("SECRET", str(secret)))
     os.symlink(secret, path.parent / "link.xacro")
+
     told = refusal(path)
+
     assert "is outside the allowed folders" in told
     assert f"allow it with --mesh-path {tmp_path}" in told
 
@@ -233,9 +255,12 @@ def test_what_is_mended_in_an_included_file_is_told_with_its_name(tmp_path):
     (path.parent / "part.xacro").write_text(
         f'\ufeff<!-- a -- b -->{HEAD}<link name="part"/></robot>'
     )
+
     robot = read_source(path, report := ImportReport(path))
+
     assert [link.get("name") for link in robot] == ["base", "part"]
     assert [entry.element for entry in report.of("repaired")] == ["part.xacro", "part.xacro"]
+
     (path.parent / "part.xacro").write_text(
         f'<!DOCTYPE robot [<!ENTITY a "b">]>{HEAD}<link name="&a;"/></robot>'
     )
@@ -251,7 +276,9 @@ def test_yaml_has_keys_units_and_dates(tmp_path):
     (tmp_path / "arm" / "figures.yaml").write_text(content)
     value = "${f.arm.turn / pi} ${f['arm'].long} ${f.arm.when} ${f.arm['keys'][1].items}"
     body = f"<xacro:property name='f' value=\"${{load_yaml('figures.yaml')}}\"/><link name=\"{value}\"/>"
+
     [_, link] = read_source(path := alone(tmp_path, body), ImportReport(path))
+
     assert link.get("name") == "1.0 0.254 2001-02-03 7"
 
 
@@ -259,13 +286,17 @@ def test_yaml_has_keys_units_and_dates(tmp_path):
 def test_what_the_file_says_and_what_the_system_lacks_is_in_the_report(tmp_path, monkeypatch):
     path = alone(tmp_path, "<link name=\"a${xacro.warning('old', 'names')}\"/>")
     read_source(path, report := ImportReport(path))
+
     assert [entry.text for entry in report.of("read")] == [
         "message of the file: old names",
         "the macros of the xacro file are expanded",
     ]
+
     end = {"urdf": HEAD + "</robot>", "messages": [], "unconfined": ["Landlock"]}
     monkeypatch.setattr(child, "_exchange", lambda *_: end)
+
     read_source(path, report := ImportReport(path))
+
     assert "read in a process without the protection of Landlock" in report.of("read")[0].text
 
 
@@ -286,7 +317,9 @@ def test_sets_are_in_the_same_order_each_time(tmp_path):
 @installed
 def test_the_environment_is_not_there_to_read(tmp_path, monkeypatch):
     monkeypatch.setenv("SECRET_OF_MINE", "4711")
+
     assert "SECRET_OF_MINE" in refusal(alone(tmp_path, '<link name="$(env SECRET_OF_MINE)"/>'))
+
     path = alone(tmp_path, '<link name="$(optenv SECRET_OF_MINE none)"/>')
     assert [link.get("name") for link in read_source(path, ImportReport(path))] == ["base", "none"]
 
@@ -296,9 +329,11 @@ def test_the_environment_is_not_there_to_read(tmp_path, monkeypatch):
 def test_a_file_of_macros_alone_is_told_with_them_and_with_what_calls_them(tmp_path):
     path = packages(tmp_path)
     told = refusal(tmp_path / "bars" / "bar.xacro")
+
     assert told.endswith(
         "bar.xacro: contains no robot, only macros for other files: bar(name, mass)"
     )
+
     (path.parent / "bar.xacro").write_text(BAR)
     assert told + "; files that call these macros: urdf/arm.urdf.xacro" == refusal(
         path.parent / "bar.xacro"
@@ -319,9 +354,12 @@ def test_arguments_are_told_with_what_is_known_of_them(tmp_path):
         "<link name='l${f.length}'/>"
     )
     path = alone(tmp_path, body)
+
     told = refusal(path)
+
     assert "kinds/short/figures.yaml: No such file or directory; arguments" in told
     assert "kind:=short (known values: long); hand:=none (known values: none, three, two)" in told
+
     robot = read_source(
         path, report := ImportReport(path), ImportOptions(xacro_arg=("kind:=long",))
     )
@@ -334,6 +372,7 @@ def test_arguments_are_told_with_what_is_known_of_them(tmp_path):
 def test_an_argument_that_is_used_before_its_declaration_has_its_value(tmp_path):
     path = alone(tmp_path, '<link name="$(arg kind)"/><xacro:arg name="kind" default="short"/>')
     robot = read_source(path, report := ImportReport(path))
+
     assert [link.get("name") for link in robot] == ["base", "short"]
     assert [entry.text for entry in report.of("defaulted")] == [
         "kind:=short; the file declares this default after the first use of the argument"

@@ -104,11 +104,14 @@ def test_no_code_runs(tmp_path, attack):
 def test_nor_does_it_through_a_station(tmp_path):
     file = xacro_file(tmp_path, REWRITES_THE_GUARD)
     (tmp_path / "station.yaml").write_text("robot: {urdf: arm.xacro}\n")
+
     with pytest.raises(InvalidConfig, match="Lambda is not allowed in an expression"):
         load_station(tmp_path / "station.yaml")
     assert not (tmp_path / "owned").exists()
+
     plain = [sys.executable, "-c", "import os, subprocess, xacro; xacro.main()", str(file)]
     subprocess.run(plain, capture_output=True, check=False)
+
     assert (tmp_path / "owned").exists()  # so it was not xacro that refused it
 
 
@@ -188,6 +191,7 @@ def test_what_would_get_through_is_held_by_the_system(tmp_path):
     said, *done, end, variables = confined(tmp_path, "*child.confine(20), 'all'")
     if said != "all":
         pytest.skip(f"this kernel has no {said}")
+
     assert done == []
     assert (end, variables) == ("end", "0")
     assert not (tmp_path / "owned").exists()
@@ -205,5 +209,7 @@ def test_each_of_the_two_holds_alone(tmp_path):
 def test_a_system_without_any_says_so(monkeypatch):
     monkeypatch.setattr(child.sys, "platform", "darwin")
     monkeypatch.setattr(child.resource, "setrlimit", lambda *_: None)
+
     monkeypatch.setattr(os, "environ", {})
+
     assert child.confine(20) == ["Landlock", "seccomp"]

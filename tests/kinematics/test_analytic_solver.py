@@ -16,6 +16,7 @@ def _error(chain, postures, targets):
 def test_round_trip_of_the_irb120(irb120_chain, random_postures, home):
     targets = irb120_chain.forward(random_postures(irb120_chain, 10_000))
     solutions = AnalyticSolver(irb120_chain).solve(targets, np.tile(home, (len(targets), 1)))
+
     assert solutions.reached.all()
     assert _error(irb120_chain, solutions.positions, targets) < PROMISED
     assert (solutions.positions >= irb120_chain.lower).all()
@@ -27,7 +28,9 @@ def test_round_trip_with_offset_shoulders(name, dh_chain, random_postures, table
     chain = dh_chain(tables[name])
     postures = random_postures(chain, 2000)
     targets = chain.forward(postures)
+
     solutions = AnalyticSolver(chain).solve(targets, postures)
+
     assert solutions.reached.all()
     assert _error(chain, solutions.positions, targets) < PROMISED
     # near singular ones lose half the digits
@@ -38,7 +41,9 @@ def test_round_trip_with_offset_shoulders(name, dh_chain, random_postures, table
 def test_all_eight_postures_reach_the_target(name, dh_chain, random_postures, tables):
     chain = dh_chain(tables[name], limit=2 * np.pi)
     targets = chain.forward(random_postures(chain, 300))
+
     postures, reach = AnalyticSolver(chain).postures(targets, np.zeros(6))
+
     if (
         name == "ur5"
     ):  # its wrist bends the way to the shoulder: some poses leave the triangle of axes 2, 3, 4 open
@@ -63,7 +68,9 @@ def test_parallel_axes_may_point_against_each_other(flipped, dh_chain, random_po
     postures = 0.9 * random_postures(chain, 200)
     postures[::4, 4] = 0.0  # a straight wrist keeps the sum of the start
     targets = chain.forward(postures)
+
     found = require(AnalyticSolver(chain).solve(targets, postures))
+
     assert _error(chain, found, targets) < PROMISED
     np.testing.assert_allclose(found, postures, atol=1e-6)
 
@@ -71,6 +78,7 @@ def test_parallel_axes_may_point_against_each_other(flipped, dh_chain, random_po
 def test_limits_are_kept_and_counted(irb120_chain, random_postures):
     targets = irb120_chain.forward(random_postures(irb120_chain, 500))
     postures, reach = AnalyticSolver(irb120_chain).postures(targets, np.zeros(6))
+
     within = ((postures >= irb120_chain.lower) & (postures <= irb120_chain.upper)).all(axis=-1)
     np.testing.assert_array_equal(reach, within)
     assert reach.any(axis=1).all()
@@ -79,28 +87,35 @@ def test_limits_are_kept_and_counted(irb120_chain, random_postures):
 def test_the_nearest_posture_is_taken(irb120_chain, random_postures):
     postures = random_postures(irb120_chain, 2000)
     near = np.clip(postures + 0.01, irb120_chain.lower, irb120_chain.upper)
+
     solutions = AnalyticSolver(irb120_chain).solve(irb120_chain.forward(postures), near)
+
     away = np.linalg.norm(solutions.positions - near, axis=1)
     assert (away <= np.linalg.norm(postures - near, axis=1) + 1e-6).all()
 
 
 def test_whole_turns_of_joint_6(irb120_chain, home):
     solver = AnalyticSolver(irb120_chain)
+
     for turned in (-6.5, -3.5, 3.5, 6.5):
         posture = home + np.array([0.1, 0.2, -0.3, 0.1, -0.5, turned])
         found = solver.solve(irb120_chain.forward(posture), posture).positions[0]
         np.testing.assert_allclose(found, posture, atol=1e-9)
+
     beyond = home + np.array([0, 0, 0, 0, 0, 6.9])
     found = solver.solve(
         irb120_chain.forward(beyond + np.array([0, 0, 0, 0, 0, 0.3])), beyond
     ).positions[0]
+
     np.testing.assert_allclose(found[5], 7.2 - 2 * np.pi, atol=1e-9)  # 412° is too far, 52° is not
 
 
 def test_in_order_each_from_the_last(irb120_chain, home):
     turns = np.linspace(0, 6.9, 60)[:, np.newaxis] * [0, 0, 0, 0, 0, 1]
     path = home + np.array([0.1, 0.2, -0.3, 0.4, -0.5, 0]) + turns
+
     found = AnalyticSolver(irb120_chain).solve(irb120_chain.forward(path), path[0]).positions
+
     np.testing.assert_allclose(found, path, atol=1e-9)
 
 
@@ -115,9 +130,11 @@ def test_flags_are_what_they_say(name, shoulder, elbow, wrist, dh_chain, random_
     place = chain.in_plant
     context = place.plant.CreateDefaultContext()
     targets = chain.forward(random_postures(chain, 20))
+
     solutions = AnalyticSolver(chain, shoulder=shoulder, elbow=elbow, wrist=wrist).solve(
         targets, np.zeros(6)
     )
+
     assert solutions.reached.mean() > 0.7
     for posture in solutions.positions[solutions.reached]:
         place.plant.SetPositions(context, posture)
@@ -151,12 +168,15 @@ def test_singular_wrist_keeps_joint_4(irb120_chain, random_postures):
     starts = postures + np.array([0, 0, 0, 0.05, 0.1, 0])
     starts[:, 3] = np.clip(starts[:, 3], -2.7, 2.7)
     solver = AnalyticSolver(irb120_chain)
+
     each = solver.solve(targets, starts)
+
     assert each.reached.all()
     assert _error(irb120_chain, each.positions, targets) < PROMISED
     straight = np.abs(each.positions[:, 4]) < 1e-9
     assert straight.mean() > 0.9  # for some poses another shoulder or elbow lies nearer
     np.testing.assert_array_equal(each.positions[straight, 3], starts[straight, 3])
+
     in_order = solver.solve(np.repeat(targets[:1], 3, axis=0), starts[0]).positions
     np.testing.assert_allclose(in_order, np.tile(in_order[0], (3, 1)), atol=1e-9)
 
@@ -166,8 +186,11 @@ def test_nearly_singular_wrist_loses_no_digits(irb120_chain, random_postures, an
     postures = random_postures(irb120_chain, 200)
     postures[:, 4] = angle
     postures[:, 5] *= 0.5
+
     targets = irb120_chain.forward(postures)
+
     assert AnalyticSolver(irb120_chain).solve(targets, postures).reached.all()
+
     found = AnalyticSolver(irb120_chain).solve(targets, postures).positions
     assert _error(irb120_chain, found, targets) < PROMISED
 
@@ -180,7 +203,9 @@ def test_a_cobot_with_axis_6_along_axis_4_keeps_the_sum_of_the_parallel_ones(
     postures = 0.5 * random_postures(chain, 200)
     postures[:, 4] = angle
     targets, starts = chain.forward(postures), postures + np.array([0, 0.02, -0.03, 0.05, 0.1, 0])
+
     found = require(AnalyticSolver(chain).solve(targets, starts))
+
     assert _error(chain, found, targets) < PROMISED
     if angle < 1e-10:
         kept = np.abs((found - starts)[:, 1:4].sum(axis=1)) < 1e-9
@@ -195,7 +220,9 @@ def test_wrist_above_axis_1_keeps_joint_1(dh_chain, tables):
     # so that the wrist is over axis 1
     posture[2] = -posture[1] - np.arctan2(0.302, 0.07) - np.arcsin(elbow / fore)
     targets = chain.forward(posture)
+
     found = AnalyticSolver(chain).solve(targets, posture + np.array([0.2, 0, 0, 0, 0, 0]))
+
     assert found.reached.all()
     assert _error(chain, found.positions, targets) < PROMISED
     np.testing.assert_allclose(found.positions[0, 0], 0.6, atol=1e-9)
@@ -208,7 +235,9 @@ def test_rounded_figures_are_polished_away(name, dh_chain, random_postures, tabl
     chain = dh_chain(rough)
     postures = 0.5 * random_postures(chain, 200)
     targets = chain.forward(postures)
+
     solutions = AnalyticSolver(chain).solve(targets, postures)
+
     assert solutions.reached.all()
     assert _error(chain, solutions.positions, targets) < PROMISED
 
@@ -216,7 +245,9 @@ def test_rounded_figures_are_polished_away(name, dh_chain, random_postures, tabl
 def test_other_tools_and_oblique_feet(irb120_chain, random_postures):
     chain = irb120_chain.with_tool([0.02, -0.03, 0.148, 0.5, 0.3, -0.2])
     postures = random_postures(chain, 200)
+
     targets = chain.forward(postures)
+
     assert (
         _error(chain, require(AnalyticSolver(chain).solve(targets, postures)), targets) < PROMISED
     )
@@ -225,7 +256,9 @@ def test_other_tools_and_oblique_feet(irb120_chain, random_postures):
 def test_out_of_reach_says_how_far(irb120_chain, home):
     targets = np.repeat(irb120_chain.forward(home), 3, axis=0)
     targets[1, 0, 3] += 1.0
+
     solutions = AnalyticSolver(irb120_chain).solve(targets, home)
+
     assert solutions.reached.tolist() == [True, False, True]
     centre = targets[1, :3, 3] - 0.072 * targets[1, :3, 2]
     short = np.linalg.norm(centre - [0, 0, 0.29]) - (0.27 + np.hypot(0.07, 0.302))

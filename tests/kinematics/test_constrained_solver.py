@@ -38,6 +38,7 @@ def _angle(one, other):
 def test_pose(chain, random_postures, home):
     targets = chain.forward(random_postures(chain, 40))
     solutions = ConstrainedSolver(chain).solve(targets, np.tile(home, (40, 1)))
+
     assert solutions.reached.mean() > 0.9
     reached = solutions.reached
     np.testing.assert_allclose(
@@ -64,7 +65,9 @@ def test_position_bounds_in_a_frame(chain, home):
     frame = np.array([0.4, 0.133, 0.0, -2.0, 0.1, 0.2])
     box = PositionBounds(lower=(0.1, 0.05, 0.2), upper=(0.2, 0.1, 0.25), frame=frame)
     found = require(ConstrainedSolver(chain, [box], target="free").solve(np.zeros(6), home))
+
     inside = transform_from_pose(frame).inverse() @ chain.forward(found)[0, :3, 3]
+
     assert (inside >= np.array(box.lower) - MET).all()
     assert (inside <= np.array(box.upper) + MET).all()
 
@@ -74,6 +77,7 @@ def test_orientation_cone(chain, target, home):
     found = chain.forward(
         require(ConstrainedSolver(chain, [cone], target="position").solve(target, home))
     )[0]
+
     assert _angle(found[:3, 2], np.array([0, 0, -1])) <= 0.1 + 1e-6
     np.testing.assert_allclose(found[:3, 3], target[0, :3, 3], atol=MET)
 
@@ -81,9 +85,11 @@ def test_orientation_cone(chain, target, home):
 def test_aiming(chain, target, home):
     lamp = np.array([0.5, 0.5, 0.0])
     aim = Aiming(target=tuple(lamp), axis=(0.0, 0.0, 1.0))
+
     found = chain.forward(
         require(ConstrainedSolver(chain, [aim], target="position").solve(target, home))
     )[0]
+
     ray = lamp - found[:3, 3]
     assert _angle(found[:3, 2], ray / np.linalg.norm(ray)) < 1e-4  # the cone's figures are squares
 
@@ -107,6 +113,7 @@ def test_joint_bounds_and_fixed_joints(chain, target, home):
         JointBounds(axis="joint_4", lower=0.2, upper=0.3),
     ]
     found = require(ConstrainedSolver(chain, goals, target="position").solve(target, home))[0]
+
     assert found[1] == pytest.approx(0.0, abs=1e-8)
     assert 0.2 - 1e-8 <= found[3] <= 0.3 + 1e-8
 
@@ -119,9 +126,11 @@ def test_axes_with_signs(irb120_chain, home):
     )
     goal = JointBounds(axis="joint_2", lower=0.2, upper=0.4)
     target = turned.forward(signs * home)
+
     found = require(
         ConstrainedSolver(turned, [goal], target="position").solve(target, signs * home)
     )
+
     assert 0.2 - 1e-8 <= found[0, 1] <= 0.4 + 1e-8
     np.testing.assert_allclose(turned.forward(found)[0, :3, 3], target[0, :3, 3], atol=MET)
 
@@ -133,7 +142,9 @@ def test_distance_between_bodies(chain, target, home):
     shoulder = Chain.of_plant(
         place.plant, joints=place.joints, base=place.base, tool=place.plant.GetFrameByName("link_2")
     )
+
     away = np.linalg.norm((chain.forward(found) - shoulder.forward(found))[0, :3, 3])
+
     assert 0.5 - MET <= away <= 0.52 + MET
 
 
@@ -142,8 +153,11 @@ def test_low_target_against_a_floor_is_weighed(chain, home):
     target = chain.forward(home)
     target[0, 2, 3] = 0.05
     floor = PositionBounds(lower=(-np.inf, -np.inf, 0.1), weight=(0.0, 0.0, 10.0))
+
     solutions = ConstrainedSolver(chain, [floor], target_weights=(1.0, 1.0)).solve(target, home)
+
     assert solutions.reached[0]  # a wish is met as well as can be
+
     height = chain.forward(solutions.positions)[0, 2, 3]
     # minimum of (z-.05)² + 10 (z-.1)²
     assert height == pytest.approx((1 * 0.05 + 10 * 0.1) / 11, abs=2e-5)
@@ -189,7 +203,9 @@ def test_other_joints_of_the_plant_stay(irb120_chain, home):
     elbow = place.plant.GetFrameByName("link_3")
     short = Chain.of_plant(place.plant, joints=place.joints[:3], base=place.base, tool=elbow)
     target = short.forward([0.3, 0.4, -0.2])
+
     found = require(ConstrainedSolver(short, target="position").solve(target, [0.2, 0.3, 0.0]))
+
     np.testing.assert_allclose(found[0, :2], [0.3, 0.4], atol=1e-4)
 
 

@@ -41,7 +41,9 @@ def test_a_thousand_poses_in_closed_form(name, dh_chain, random_postures, tables
     postures = random_postures(chain, 1000)
     targets = chain.forward(postures)
     found = branches(chain, targets, np.zeros(6))
+
     _check(chain, found, targets, postures)
+
     counts = {len(rows) for rows in found}
     assert counts == {"ur5": {2, 4, 6, 8}, "kr6": {4, 8}}.get(name, {8})
 
@@ -62,7 +64,9 @@ def test_seven_axes_with_one_held_at_each_angle(dh_chain, random_postures, table
 def test_seven_axes_hold_the_third_of_the_start_unless_told(dh_chain, tables):
     chain = dh_chain(tables["iiwa"], limit=2.9)
     start = np.array([0.3, 0.5, 0.4, -1.2, 0.2, 0.9, -0.1])
+
     found = branches(chain, chain.forward(start), start)[0]
+
     assert (found[:, 2] == 0.4).all()
     assert _apart(found, start).min() < 1e-8
     assert len(found) == 8
@@ -72,7 +76,9 @@ def test_a_slide_is_held_and_the_arm_on_it_as_alone(dh_chain, random_postures, t
     chain, alone = dh_chain(tables["irb120"], slide=belt), dh_chain(tables["irb120"])
     posture = np.concatenate([[0.3], random_postures(alone, 1)[0]])
     found = branches(chain, chain.forward(posture), posture)[0]
+
     expected = branches(alone, alone.forward(posture[1:]), posture[1:])[0]
+
     assert (found[:, 0] == 0.3).all()
     assert len(found) == len(expected) == 8
     assert all(_apart(found[:, 1:], row).min() < 1e-6 for row in expected)
@@ -83,7 +89,9 @@ def test_any_six_axes(dh_chain, random_postures, tables):
     postures = random_postures(chain, 40)
     targets = chain.forward(postures)
     found = branches(chain, targets, np.zeros(6))
+
     _check(chain, found, targets, postures)
+
     assert max(map(len, found)) > 8
 
 
@@ -94,7 +102,9 @@ def test_search_and_closed_form_find_the_same(name, dh_chain, random_postures, t
     start = np.full(6, 0.1)
     expected = branches(chain, targets, start)
     request.getfixturevalue("without_closed_forms")
+
     found = branches(chain, targets, start)
+
     assert [len(rows) for rows in found] == [len(rows) for rows in expected]
     for rows, truth in zip(
         found[:-1], expected[:-1], strict=True
@@ -108,7 +118,9 @@ def test_a_straight_wrist_gives_the_posture_of_the_family_that_is_nearest(
     posture = home + np.array([0.2, 0.1, -0.3, 0.5, -np.pi / 2, 0.4])
     start = posture + np.array([0.0, 0.0, 0.0, 0.3, 0.0, 0.1])
     found = branches(irb120_chain, irb120_chain.forward(posture), start)[0]
+
     same = found[_apart(found[:, :3], posture[:3]) < 1e-3]
+
     assert len(same) == 1  # not a hundred of the family
     # the sum of axes 4 and 6 is given: 0.9
     np.testing.assert_allclose(same[0, 3:], [0.6, 0.0, 0.3], atol=1e-3)
@@ -118,6 +130,7 @@ def test_beyond_limits_too_and_whole_turns_near_the_start(irb120_chain, home):
     found = branches(
         irb120_chain, irb120_chain.forward(home), home + np.array([0, 0, 0, 0, 0, 2 * np.pi])
     )[0]
+
     assert _apart(found, home).min() < 1e-9
     assert (found < irb120_chain.lower).any() or (found > irb120_chain.upper).any()
     assert np.abs(found[:, 5] - 2 * np.pi).max() <= np.pi + 1e-9
@@ -126,6 +139,7 @@ def test_beyond_limits_too_and_whole_turns_near_the_start(irb120_chain, home):
 def test_nothing_where_nothing_reaches(irb120_chain, dh_chain, tables, home):
     far = irb120_chain.forward(home)
     far[0, 0, 3] += 2.0
+
     assert branches(irb120_chain, far, home)[0].shape == (0, 6)
     assert branches(dh_chain(tables["odd"]), far, home)[0].shape == (0, 6)
 

@@ -18,7 +18,9 @@ def _line(chain, start, way, count):
 def test_straight_line(irb120_chain, home):
     path = _line(irb120_chain, home, [0.05, 0.2, -0.1], 100)
     solutions = IncrementalSolver(irb120_chain).solve(path, home)
+
     found = irb120_chain.forward(require(solutions))
+
     np.testing.assert_allclose(found, path, atol=1e-4)
     assert np.abs(np.diff(solutions.positions, axis=0)).max() < 0.02
 
@@ -26,7 +28,9 @@ def test_straight_line(irb120_chain, home):
 def test_one_step_a_point_is_the_pseudoinverse(irb120_chain, home):
     path = _line(irb120_chain, home, [0.001, 0.002, 0.0], 2)
     found = IncrementalSolver(irb120_chain, iterations=1).solve(path, home).positions[1]
+
     step = np.linalg.pinv(irb120_chain.jacobian(home)[0]) @ [0.001, 0.002, 0, 0, 0, 0]
+
     np.testing.assert_allclose(found - home, step, atol=1e-12)
 
 
@@ -38,7 +42,9 @@ def test_whole_turns_without_jumps(irb120_chain, home):
     path[:, :3, :3] = (
         path[:, :3, :3] @ Rotation.from_rotvec(turns[:, np.newaxis] * [0, 0, 1]).as_matrix()
     )
+
     found = require(IncrementalSolver(irb120_chain).solve(path, start))
+
     np.testing.assert_allclose(found, start + turns[:, np.newaxis] * [0, 0, 0, 0, 0, 1], atol=1e-3)
 
 
@@ -56,8 +62,11 @@ def _with_turn(chain, start, angle):
 def test_rotation_limit(irb120_chain, home, limit, angle, turns):
     goal = _with_turn(irb120_chain, home, angle)
     solutions = IncrementalSolver(irb120_chain, rotation_limit=limit).solve(goal, home)
+
     found = irb120_chain.forward(solutions.positions)
+
     np.testing.assert_allclose(found[0, :3, 3], goal[0, :3, 3], atol=1e-5)
+
     wanted = goal if turns else irb120_chain.forward(home)
     np.testing.assert_allclose(found[0, :3, :3], wanted[0, :3, :3], atol=1e-4)
     assert solutions.reached[0] == (turns or limit == 0)
@@ -83,11 +92,14 @@ def test_passes_a_singular_wrist(irb120_chain):
     path[:, :3, 3] += parts[:, np.newaxis] * (ends[1] - ends[0])[:3, 3]
     path[:, :3, :3] = Slerp([0, 1], Rotation.from_matrix(ends[:, :3, :3]))(parts).as_matrix()
     solutions = IncrementalSolver(irb120_chain).solve(path, before)
+
     smallest = np.linalg.svd(irb120_chain.jacobian(solutions.positions), compute_uv=False)[
         :, -1
     ].min()
+
     assert smallest < 0.005
     assert np.abs(np.diff(solutions.positions, axis=0)).max() < 0.5
+
     away = np.linalg.norm(
         irb120_chain.forward(solutions.positions)[:, :3, 3] - path[:, :3, 3], axis=1
     )
@@ -135,7 +147,9 @@ def test_stops_at_limits(irb120_chain, home):
     path = np.repeat(irb120_chain.forward(start), 20, axis=0)
     turns = Rotation.from_rotvec(np.linspace(0, 0.5, 20)[:, np.newaxis] * [0, 0, 1]).as_matrix()
     path[:, :3, :3] = path[:, :3, :3] @ turns
+
     solutions = IncrementalSolver(irb120_chain).solve(path, start)
+
     assert (solutions.positions <= irb120_chain.upper).all()
     assert not solutions.reached[-1]
     with pytest.raises(Unreachable, match="joint limit: joint_6"):
@@ -145,7 +159,9 @@ def test_stops_at_limits(irb120_chain, home):
 def test_seven_axes(dh_chain, tables, belt):
     chain = dh_chain(tables["irb120"], slide=belt)
     start = np.array([0.1, 0, 0.2, -0.1, 0.1, 1.2, 0])
+
     path = _line(chain, start, [0.2, -0.3, 0.1], 60)
+
     assert IncrementalSolver(chain).solve(path, start).reached.all()
 
 

@@ -28,6 +28,7 @@ def test_urdf_dh_table_and_analytic_model_agree(
 ):
     postures = random_postures(irb120_chain, 10_000)
     of_urdf = irb120_chain.forward(postures)
+
     np.testing.assert_allclose(of_urdf, textbook_poses(tables["irb120"], postures), atol=1e-9)
     np.testing.assert_allclose(of_urdf, SixAxisArm.of(irb120_chain).forward(postures), atol=1e-9)
 
@@ -38,7 +39,9 @@ def test_analytic_model_of_offset_shoulders(
 ):
     chain = dh_chain(tables[name])
     postures = random_postures(chain, 1000)
+
     truth = textbook_poses(tables[name], postures)
+
     np.testing.assert_allclose(chain.forward(postures), truth, atol=EXACT)
     np.testing.assert_allclose(SixAxisArm.of(chain).forward(postures), truth, atol=EXACT)
 
@@ -46,9 +49,11 @@ def test_analytic_model_of_offset_shoulders(
 def test_arm_on_a_belt_has_seven_axes(dh_chain, random_postures, drake_poses, tables, belt):
     chain = dh_chain(tables["irb120"], slide=belt)
     postures = random_postures(chain, 200)
+
     assert chain.size == 7
     assert chain.revolute.tolist() == [False] + [True] * 6
     np.testing.assert_allclose(chain.forward(postures), drake_poses(chain, postures), atol=EXACT)
+
     _assert_jacobian_is_derivative(chain, postures[0])
 
 
@@ -90,12 +95,15 @@ def test_signs_and_order_of_axes(irb120_chain, random_postures):
         tool=place.tool,
         names=[f"a{axis}" for axis in mixed],
     )
+
     postures = random_postures(irb120_chain, 50)
+
     np.testing.assert_allclose(
         chain.forward((signs * postures)[:, mixed]), irb120_chain.forward(postures), atol=EXACT
     )
     assert chain.upper[chain.axis_index("a2")] == irb120_chain.upper[2]
     assert chain.upper[chain.axis_index("a1")] == -irb120_chain.lower[1]
+
     _assert_jacobian_is_derivative(chain, postures[0][mixed])
 
 
@@ -114,19 +122,24 @@ def test_way_from_one_arm_to_another(random_postures):
     left, right = (plant.GetFrameByName("tool0", arm) for arm in arms)
     names = [f"{side}.{axis}" for side in ("left", "right") for axis in model.axes]
     chain = Chain.of_plant(plant, joints=joints, base=left, tool=right, names=names)
+
     context = plant.CreateDefaultContext()
+
     for posture in random_postures(chain, 20):
         plant.SetPositions(context, posture)
         np.testing.assert_allclose(
             chain.forward(posture)[0], right.CalcPose(context, left).GetAsMatrix4(), atol=EXACT
         )
+
     _assert_jacobian_is_derivative(chain, posture)
 
 
 def test_joints_beside_the_way_move_nothing(irb120_chain):
     place = irb120_chain.in_plant
     elbow = place.plant.GetFrameByName("link_3")
+
     chain = Chain.of_plant(place.plant, joints=place.joints, base=place.base, tool=elbow)
+
     assert chain.order == (0, 1, 2)
     assert not chain.jacobian(np.full(6, 0.3))[0, :, 3:].any()
 
@@ -134,8 +147,10 @@ def test_joints_beside_the_way_move_nothing(irb120_chain):
 def test_another_tool(irb120_chain, home):
     pencil = irb120_chain.with_tool([0, 0, 0.07, np.pi / 2, 0, 0]).with_tool([0, 0, 0.148, 0, 0, 0])
     tip = pencil.forward(home)[0]
+
     np.testing.assert_allclose(tip[:3, 3], [0.302, 0, 0.340], atol=1e-12)  # facts of the irb120
     np.testing.assert_allclose(tip[:3, 2], [0, 0, -1], atol=1e-12)
+
     _assert_jacobian_is_derivative(pencil, home)
 
 
@@ -193,9 +208,14 @@ def test_a_base_that_is_elsewhere_carries_poses_and_jacobians(irb120_chain, rand
         ]
     )
     frames = irb120_chain.frames(postures, base)
+
     poses = irb120_chain.tool_poses(frames)
+
     np.testing.assert_allclose(poses, base @ irb120_chain.forward(postures), atol=1e-12)
+
     turns = np.zeros((20, 6, 6))
     turns[:, :3, :3] = turns[:, 3:, 3:] = base[:, :3, :3]
+
     found = irb120_chain.jacobian_at(frames, poses[:, :3, 3])
+
     np.testing.assert_allclose(found, turns @ irb120_chain.jacobian(postures), atol=1e-12)

@@ -41,7 +41,9 @@ def test_pitch_at_right_angles(pitch):
 def test_rotation_vectors(angle):
     axes = np.random.default_rng(2).normal(size=(30, 3))
     vectors = angle * axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
     found = rotation_vectors(Rotation.from_rotvec(vectors).as_matrix())
+
     # near π the axis loses digits
     np.testing.assert_allclose(found, vectors, atol=1e-9 if angle > 3.1 else 1e-14)
 
@@ -53,9 +55,11 @@ def test_half_turn():
 
 def test_errors_lead_to_the_target():
     errors = pose_errors(MATRICES[1:], MATRICES[:-1])
+
     np.testing.assert_allclose(
         MATRICES[:-1, :3, 3] + errors[:, :3], MATRICES[1:, :3, 3], atol=1e-14
     )
+
     turned = Rotation.from_rotvec(errors[:, 3:]).as_matrix() @ MATRICES[:-1, :3, :3]
     np.testing.assert_allclose(turned, MATRICES[1:, :3, :3], atol=1e-12)
 

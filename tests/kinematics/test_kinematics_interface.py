@@ -27,10 +27,13 @@ def near(irb120_chain, home):
 def test_forms_of_targets(name, irb120_chain, home, near):
     solver = make_solver(name, irb120_chain)
     forms = [near, poses_from_matrices(near), [RigidTransform(matrix) for matrix in near]]
+
     found = [require(solver.solve(form, home)) for form in forms]
+
     for positions in found:
         assert positions.shape == (3, 6)
         np.testing.assert_allclose(irb120_chain.forward(positions), near, atol=1e-4)
+
     single = solver.solve(near[1], home)
     assert single.positions.shape == (1, 6)
     assert single.reached.shape == single.position_error.shape == single.iterations.shape == (1,)
@@ -40,12 +43,16 @@ def test_forms_of_targets(name, irb120_chain, home, near):
 def test_starts_one_by_one_or_each_its_own(name, irb120_chain, home, near):
     solver = make_solver(name, irb120_chain)
     in_order = solver.solve(near, home)
+
     first, second = solver.solve(near[0], home), solver.solve(near[1], in_order.positions[0])
+
     np.testing.assert_array_equal(
         in_order.positions[:2], np.concatenate([first.positions, second.positions])
     )
+
     each = solver.solve(near, np.tile(home, (3, 1)))
     alone = [solver.solve(target, home).positions[0] for target in near]
+
     np.testing.assert_allclose(each.positions, alone, atol=1e-12)  # batches add in another order
 
 
@@ -67,7 +74,9 @@ def test_bad_targets(name, irb120_chain, home, targets):
 def test_unreachable_names_point_reason_and_nearness(name, irb120_chain, home, near):
     options = {"restarts": 2} if name in ("numeric", "constrained") else {}
     near[2, 0, 3] += 3.0
+
     solutions = make_solver(name, irb120_chain, **options).solve(near, home)
+
     assert solutions.reached.tolist() == [True, True, False]
     with pytest.raises(
         Unreachable,
@@ -77,6 +86,7 @@ def test_unreachable_names_point_reason_and_nearness(name, irb120_chain, home, n
     assert caught.value.index == 2
     assert 2.0 < caught.value.position_error < 4.0
     assert "\n" not in str(caught.value)
+
     place = irb120_chain.forward(caught.value.positions)[0, :3, 3]
     assert np.linalg.norm(place - near[2, :3, 3]) == pytest.approx(caught.value.position_error)
 

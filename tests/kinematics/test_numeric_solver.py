@@ -12,7 +12,9 @@ from simrob_drake.kinematics import NumericSolver, Unreachable, pose_errors, req
 def test_random_poses_from_home(irb120_chain, random_postures, home):
     targets = irb120_chain.forward(random_postures(irb120_chain, 10_000))
     solutions = NumericSolver(irb120_chain).solve(targets, np.tile(home, (len(targets), 1)))
+
     errors = pose_errors(targets, irb120_chain.forward(solutions.positions))
+
     within = (np.linalg.norm(errors[:, :3], axis=1) < 1e-5) & (
         np.linalg.norm(errors[:, 3:], axis=1) < 1e-4
     )
@@ -36,7 +38,9 @@ def test_path_in_order_does_not_jump(irb120_chain):
 def test_any_geometry(name, dh_chain, random_postures, tables, belt):
     chain = dh_chain(tables[name], slide=belt)
     targets = chain.forward(random_postures(chain, 200))
+
     solutions = NumericSolver(chain).solve(targets, np.full((200, 7), 0.1))
+
     assert solutions.reached.mean() > 0.98
 
 
@@ -45,7 +49,9 @@ def test_position_only(irb120_chain, home):
     target[0, :3, 3] += [0.05, 0.1, -0.05]
     target[0, :3, :3] = np.eye(3)  # of no account
     solutions = NumericSolver(irb120_chain, weights=[1, 1, 1, 0, 0, 0]).solve(target, home)
+
     found = irb120_chain.forward(require(solutions))
+
     np.testing.assert_allclose(found[0, :3, 3], target[0, :3, 3], atol=1e-6)
     assert solutions.rotation_error[0] == 0.0
 
@@ -57,7 +63,9 @@ def test_weights_are_in_pose_order(irb120_chain, home, axis):
     weights = np.zeros(6)
     weights[5 - axis] = 1.0  # [x y z Rz Ry Rx]
     found = NumericSolver(irb120_chain, weights=weights).solve(target, home).positions
+
     errors = pose_errors(target, irb120_chain.forward(found))[0]
+
     assert abs(errors[3 + axis]) < 1e-5
     assert np.abs(np.delete(errors, 3 + axis)).max() > 1e-2
 
@@ -90,6 +98,7 @@ def test_limits_hold_joints_back(irb120_chain, home):
     solutions = NumericSolver(irb120_chain, restarts=0).solve(
         target, home + np.array([2.5, 0, 0, 0, 0, 0])
     )
+
     assert solutions.positions[0, 0] == irb120_chain.upper[0]
     with pytest.raises(
         Unreachable,
@@ -106,6 +115,7 @@ def test_out_of_reach(irb120_chain, home):
 def test_just_out_of_reach_is_a_singular_posture(irb120_chain, home):
     target = [0.7, 0, 0.29, 0, np.pi / 2, 0]
     solutions = NumericSolver(irb120_chain, weights=[1, 1, 1, 0, 0, 0]).solve(target, home)
+
     # 0.270 + 0.310 + 0.072 stretched
     assert solutions.position_error[0] == pytest.approx(0.7 - 0.652, abs=1e-3)
     with pytest.raises(Unreachable, match="singular posture: the arm is stretched"):
@@ -144,13 +154,17 @@ def test_seven_axes_keep_room_to_their_limits_where_they_begin_with_it(
     chain = dh_chain(tables["iiwa"], limit=1.2)
     postures = random_postures(chain, 200) * 0.9
     targets = chain.forward(postures)
+
     solutions = NumericSolver(chain, restarts=0).solve(targets, np.zeros_like(postures))
+
     room = np.minimum(chain.upper - solutions.positions, solutions.positions - chain.lower).min(
         axis=1
     )
     assert solutions.reached.mean() > 0.5
     assert (room[solutions.reached] > 0.05 - 1e-9).mean() > 0.95
+
     near = chain.upper - 0.01
     stays = NumericSolver(chain).solve(chain.forward(near), near[np.newaxis])
+
     # what begins without room does not jump
     np.testing.assert_allclose(stays.positions[0], near, atol=1e-9)

@@ -50,7 +50,9 @@ def test_a_tool_that_looks_straight_down_is_found_and_the_clamp_is_said() -> Non
     """ur5 with its tool down: axis 6 at half a turn, where the published limit is 5e-5 rad less."""
     chain = rounded_chain("ur5", COARSE_HALF_TURN)
     posture = np.deg2rad([0.0, -90.0, 90.0, -90.0, -90.0, 180.0])
+
     pose = chain.forward(posture)
+
     np.testing.assert_allclose(pose[0, :3, 2], [0.0, 0.0, -1.0], atol=1e-9)
     start = np.clip(posture + 0.01, chain.lower, chain.upper)
     with pytest.warns(ClampedPosition, match=chain.names[5]):
@@ -66,9 +68,11 @@ def test_poses_further_beyond_are_refused(solver: str) -> None:
     chain = rounded_chain("irb120")
     cut = replace(chain, lower=np.full(6, -0.5), upper=np.full(6, 0.5))
     posture = np.array([0.3, 0.3, -0.3, 0.3, 0.4, 0.5 + 3 * ANGLE_TOLERANCE])
+
     found = make_solver(solver, cut).solve(
         chain.forward(posture), np.clip(posture, cut.lower, cut.upper)[np.newaxis]
     )
+
     assert not found.reached[0]
     assert "joint limit" in found.reasons[0]
 
@@ -77,6 +81,8 @@ def test_poses_further_beyond_are_refused(solver: str) -> None:
 def test_goals_of_planners_are_within_the_limits() -> None:
     chain = rounded_chain("ur5")
     posture = np.deg2rad([0.0, -90.0, 90.0, -90.0, -90.0, 180.0])
+
     goals = goal_postures(chain, chain.forward(posture), np.zeros(6))
+
     assert len(goals) > 0
     assert ((chain.lower <= goals) & (goals <= chain.upper)).all()

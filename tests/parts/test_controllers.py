@@ -287,5 +287,6 @@ def test_an_objective_does_under_drakes_integrators_what_it_does_with_steps_of_t
         result = simulate(load_station("irb120_dynamic", changes), progress=False)
         assert result.ending == "completed", result.message
         ends.append(result["lift.offset.joint_2"][-1])
+
     assert abs(ends[0]) > 0.01
     assert ends[0] == pytest.approx(ends[1], rel=0.05)

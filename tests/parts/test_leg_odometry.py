@@ -429,6 +429,7 @@ def test_on_a_slope_the_height_is_not_held_and_the_block_picture_shows_the_senso
         "floor.incline_deg": 3,
     }
     station = closed_station(resolve(load_station("zjudancer_dynamic", slope)))
+
     assert not station.diagram.GetSubsystemByName("sensor.leg_odometry").level
     assert "Leg odometry" in station_dot(load_station("zjudancer_dynamic", slope))
 

@@ -351,8 +351,10 @@ class TestErrors:
     def test_the_plant(self):
         builder = DiagramBuilder()
         plant, _ = AddMultibodyPlantSceneGraph(builder, 0.0)
+
         with pytest.raises(SimrobError, match=r"call plant\.Finalize"):
             add_joint_servos(builder, plant, kp=1.0, kd=1.0)
+
         plant.Finalize()
         with pytest.raises(SimrobError, match="not in this builder"):
             add_imu(DiagramBuilder(), plant, "world")

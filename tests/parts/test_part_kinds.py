@@ -22,12 +22,14 @@ def test_a_kind_stands_in_the_table_and_can_be_made(family: str) -> None:
     """Forgetting either is red: a kind without the first is unknown, one that lacks a method is abstract."""
     package = import_module(f"simrob_drake.parts.{family}")
     file = Path(package.__file__)
+
     declared = {
         kind
         for file in (file.parent.glob("*.py") if file.name == "__init__.py" else [file])
         if not file.name.startswith(ELSEWHERE)
         for kind in re.findall(r'^    kind: Literal\["(\w+)"\]', file.read_text(), re.MULTILINE)
     }
+
     assert core_names(family) == declared
     for kind, model in package.KINDS.models.items():
         assert model.model_fields["kind"].annotation.__args__ == (kind,)

@@ -27,6 +27,7 @@ def site():
 def test_a_site_itself_only_wires(site):
     fields = {field.name for field in dataclasses.fields(Site)}
     registry = {"signals", "of_state", "later", "images", "monitors", "notes", "lean", "idle"}
+
     assert not fields & (registry | {"drawn"})
     assert len(fields) <= 10
     _, ports = site
@@ -36,6 +37,7 @@ def test_a_site_itself_only_wires(site):
 
 def test_outputs_are_a_mapping_of_ports(site):
     _, ports = site
+
     assert {"position", "velocity", "tcp_pose"} <= set(ports.outputs)
     assert ports.outputs["position"].size() == 6
     assert len(ports.outputs) == len(list(ports.outputs))
@@ -47,7 +49,9 @@ def test_an_output_without_columns_is_no_signal(site):
     _, ports = site
     registry = OutputRegistry(ports.state, ports.plant.plant)
     registry.add("nothing", ports.outputs["position"], Signal((), (), "own", "nothing"))
+
     registry.add("one", ports.outputs["position"], Signal(("one",), ("1",), "own", "one"))
+
     assert list(registry) == ["nothing", "one"]
     assert [signal.output for signal in registry.signals] == ["one"]
 
@@ -81,6 +85,7 @@ def test_an_unknown_attribute_is_an_error(site):
 )
 def test_a_former_name_of_the_module_works_with_a_warning(name, module):
     former = importlib.import_module("simrob_drake.parts.site")
+
     with pytest.warns(DeprecationWarning, match=f"simrob_drake.parts.{module}.{name}"):
         found = getattr(former, name)
     assert found is getattr(importlib.import_module(f"simrob_drake.parts.{module}"), name)
@@ -97,6 +102,7 @@ def test_a_part_of_another_package_in_the_former_way_still_works(site):
         port = ports.port(builder, "position")
         ports.outputs.add("again", port, Signal(("again.x",), ("rad",), "own", "again"))
         ports.picture.draw("sensor.again", "sensor", "Again", robot)
+
     assert ports.outputs["again"] is port
     assert ports.picture.drawn["sensor.again"].label == "Again"
 

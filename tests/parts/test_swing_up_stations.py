@@ -216,6 +216,7 @@ def test_a_pendubot_is_balanced_too() -> None:
         "robot.initial_deg": {"shoulder": 170, "elbow": 20},
     }
     result = simulate(load_station("acrobot", changes), progress=False)
+
     assert result["swing_up.balancing"][-100:].all()
     assert result["tcp.z"][-1] == pytest.approx(ACROBOT.height, abs=1e-3)
     assert not result["tau.elbow"].any()

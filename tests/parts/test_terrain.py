@@ -167,7 +167,9 @@ def test_the_floor_of_a_field_is_no_half_space():
     """Drake 1.58 sometimes crashes when it copies a half space among a hundred boxes."""
     posed = PosedStation(station(kind="steps"))
     inspector = posed.station.scene_graph.model_inspector()
+
     shapes = [inspector.GetShape(shape) for shape in inspector.GetAllGeometryIds(Role.kProximity)]
+
     assert len(shapes) > 20
     assert not any(isinstance(shape, HalfSpace) for shape in shapes)
 

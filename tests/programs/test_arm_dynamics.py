@@ -11,10 +11,14 @@ def test_a_planned_move_takes_the_torques_that_a_run_tells() -> None:
     arm = Arm("irb120_kinematic")
     plan = arm.plan.move_abs_j([0.3, 0.4, 0.2, -0.5, 0.9, 0.3], duration=0.5)
     result = arm.cell.run(plan)
+
     torques = arm.dynamics.inverse_dynamics(*plan.motion(result.times))
+
     np.testing.assert_allclose(torques, result.axes("tau"), rtol=0, atol=1e-9)
+
     margins = arm.dynamics.torque_margin(*plan.motion(result.times))
     limits = arm.cell.robot("robot").gains.torque_limit
+
     np.testing.assert_allclose(margins, limits - np.abs(result.axes("tau")), rtol=0, atol=1e-9)
 
 
@@ -32,7 +36,9 @@ def test_what_is_in_the_hand_is_no_longer_to_spare() -> None:
         for mass in (1.0, 4.0)
     ]
     posture = [0.1, 0.6, 0.3, 0.4, 0.7, 0.2]
+
     light, heavy = (arm.dynamics.payload(posture) for arm in arms)
+
     loaded = np.isfinite(light) & (light < 1e6)
     assert loaded[1:5].all()
     np.testing.assert_allclose(light[loaded] - heavy[loaded], 3.0, rtol=0, atol=1e-9)

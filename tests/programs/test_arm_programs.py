@@ -57,7 +57,9 @@ class TestWhatHappened:
         cell, runs, seen = picked
         whole = cell.result()
         ends = np.cumsum([0.0, *(run.stop_time for run in runs)])
+
         poses = whole.piece_pose("rook")
+
         for time, there in zip(ends, seen, strict=True):
             row = int(np.flatnonzero(np.isclose(whole.times, time))[0])
             np.testing.assert_allclose(poses[row], xyz_quaternion_from_transform(there), atol=1e-12)
@@ -72,7 +74,9 @@ class TestWhatHappened:
     def test_signals_are_those_of_the_runs_one_after_the_other(self, picked):
         cell, runs, _ = picked
         whole, begin = cell.result(), 0.0
+
         assert (np.diff(whole.times) > 0).all()
+
         for run in runs:
             rows = np.isclose(whole.times[:, None], begin + run.times[:-1]).any(axis=1)
             for name in ("belt.q.belt", "arm.tau.joint_2", "arm.tcp.x"):
@@ -83,11 +87,13 @@ class TestWhatHappened:
         assert whole.message == "ran to its end at 3.1 s"
         assert {"piece.rook.x", "piece.rook.qz"} <= set(whole.units)
         assert whole.plant.robots["arm"].tcp == "gripper, rook"
+
         at = whole.positions_at(np.array([0.3, 1.0]))
         own = [
             run.plant.robots["belt"].axis_map.positions(run.positions_at(np.array([0.3])))[0, 0]
             for run in runs[:1]
         ]
+
         assert whole.plant.robots["belt"].axis_map.positions(at)[0, 0] == own[0]
 
     def test_events_say_what_happened_when(self, picked, tmp_path):
@@ -100,10 +106,13 @@ class TestWhatHappened:
             (3.1, "rook to pallet"),  # after the last run
             (3.1, "end"),
         ]
+
         assert all_events(cell.result()) == expected
+
         folder = cell.save(tmp_path / "picked", recording=False)
         with (folder / "events.csv").open() as lines:
             header, *rows = csv.reader(lines)
+
         assert header == ["time", "event"]
         assert [(float(time), text) for time, text in rows] == expected
 
@@ -117,16 +126,21 @@ class TestWhatHappened:
         lies = arm.cell.frame("box")
         arm.cell.attach("box", "robot", pose=[0, 0, 0.15, 0, 0, 0])
         arm.wait(0.05)
+
         whole = arm.result()
+
         falls = (whole.times >= 0.05) & (whole.times < 0.55)
         np.testing.assert_allclose(
             whole["piece.box.z"][falls], fall["piece.box.z"][:-1], atol=1e-12
         )
+
         before = whole.positions_at(np.array([0.55 - 1e-9]))[0]
         place = whole.plant.plant.get_body(whole.plant.free_pieces["box"].index())
         context = whole.plant.plant.CreateDefaultContext()
         whole.plant.plant.SetPositions(context, before)
+
         there = whole.plant.plant.EvalBodyPoseInWorld(context, place)
+
         assert there.IsNearlyEqualTo(
             lies @ as_transform(arm.cell.model.resolved.pieces["box"].model.tcp).inverse(), 1e-6
         )
@@ -141,9 +155,11 @@ class TestWhatHappened:
         kinematic.move_l([0, 0, 0.05], wobj=kinematic, speed=0.2)
         kinematic.tool("gripper")
         kinematic.move_abs_j(HOME)
+
         here = kinematic.simulate()
         np.testing.assert_allclose(here.axes("q")[-1], kinematic.position, atol=1e-12)
         assert len(here.runs) == 3
+
         real = kinematic.simulate(load_station("irb120_dynamic", BARE))
         assert [run.config.pieces["weight"].parent for run in real.runs] == [
             "world",
@@ -151,8 +167,10 @@ class TestWhatHappened:
             "load",
         ]
         assert real.stop_time == pytest.approx(here.stop_time, abs=1e-12)
+
         off = np.linalg.norm(real.piece_pose("weight")[-1, :3] - here.piece_pose("weight")[-1, :3])
         assert 1e-4 < off < 0.03  # m: it sags
+
         slow = kinematic.simulate(duration=2 * here.stop_time)
         np.testing.assert_allclose(
             slow.piece_pose("weight")[-1], here.piece_pose("weight")[-1], atol=1e-12
@@ -193,8 +211,11 @@ class TestFiles:
         arm.wait(0.05)  # it begins in a state
         whole = everything(arm)
         folder = arm.save(tmp_path / "script", recording=False)
+
         again = Workcell(folder / "station.yaml").perform(folder / "program.yaml")
+
         np.testing.assert_array_equal(again.values, whole.values)
+
         other = again.save(tmp_path / "file", recording=False)
         for name in ("signals.csv", "events.csv", "program.yaml", "start.json"):
             assert (other / name).read_bytes() == (folder / name).read_bytes(), name
@@ -228,10 +249,12 @@ class TestFiles:
             {"move_c": {"targets_deg": [0.35, 0.2, 0.3], "via": [0.37, 0.15, 0.3]}},
             {"tool": "tool0"},
         ]
+
         one, other = (
             Workcell("irb120_kinematic").perform(Program.model_validate({"moves": moves}))
             for moves in (long, short)
         )
+
         np.testing.assert_allclose(one.values, other.values, rtol=0, atol=1e-12)
         assert one.axes("q")[29, 4] != 0
         assert Program.model_validate({"moves": [{"move_l": [0, 0, 1]}]}).moves[0].targets == (
@@ -256,7 +279,9 @@ class TestFiles:
         )
         folder = cell.save(tmp_path / "two", recording=False)
         again = Workcell(folder / "station.yaml").perform(folder / "program.yaml")
+
         whole = cell.result()
+
         for robot, signal in (("left", "q"), ("left", "tau"), ("right", "q"), ("right", "tau")):
             np.testing.assert_allclose(
                 again.axes(signal, robot), whole.axes(signal, robot), rtol=0, atol=1e-9
@@ -273,7 +298,9 @@ class TestFiles:
     def test_what_no_file_can_say_has_none(self, kinematic, tmp_path):
         kinematic.record()
         kinematic.wait(0.1)
+
         kinematic.cell.follow({"robot": (np.array([0.0, 0.1]), np.array([HOME, HOME]))}, 0.1)
+
         assert len(kinematic.result().runs) == 2
         assert not (kinematic.save(tmp_path / "no", recording=False) / "program.yaml").exists()
         for change in (
@@ -337,6 +364,7 @@ MISTAKES = {
 def test_what_cannot_be_done_is_named_before_anything_moves(kinematic, tmp_path, move, message):
     file = tmp_path / "p.yaml"
     file.write_text(yaml.safe_dump({"moves": [{"move_abs_j": [0.1, 0, 0, 0, 1.5, 0]}, move]}))
+
     with pytest.raises(SimrobError, match=message) as problem:
         kinematic.cell.perform(file)
     assert str(file) in str(problem.value) or isinstance(problem.value, InvalidConfig)
@@ -352,7 +380,9 @@ def test_the_look_ahead_ends_where_a_piece_comes_to_rest():
         {"attach": "box"},
         {"move_abs_j": [9] * 6},
     ]
+
     found = check_program(Program.model_validate({"moves": moves}), cell.config, "p.yaml")
+
     assert (
         "3 of 5 entries can be done, in 1.1 s; move 4 depends on where a piece falls" in found.text
     )
@@ -365,6 +395,7 @@ def test_the_look_ahead_ends_where_a_piece_comes_to_rest():
 def test_what_turns_out_on_the_way_leaves_the_station_as_it_was():
     cell = Workcell(load_station("irb120_dynamic", FALLS))
     moves = [{"wait": 0.05}, {"release": "box"}, {"wait": 0.3}, {"attach": "box"}, {"wait": 0.1}]
+
     before = cell.config
     with pytest.raises(InvalidParameter, match=r"move 4: box: it is \d+ mm away from load"):
         cell.perform(Program.model_validate({"moves": moves}))
@@ -380,7 +411,9 @@ def test_a_monitor_ends_the_program():
         {"move_abs_j": {"targets": [0, 1.2, 0, 0, 0, 0], "check": None}},
         {"wait": 1.0},
     ]
+
     whole = cell.perform(Program.model_validate({"moves": moves}))
+
     assert (whole.ending, len(whole.runs)) == ("monitor", 2)
     # of the whole program, not of its last run
     assert whole.message.endswith(f", at {whole.stop_time:.4g} s")

@@ -62,6 +62,7 @@ def check_visited(result, targets, tolerance):
 def test_a_legged_robot_goes_through_its_references_slow_or_not(part):
     robot = standing(**{"servo.kp": 100 * part})
     times = check_visited(robot.simulate(automatic=True), WAVE, 2.0)
+
     assert times[-1] == pytest.approx({1.0: 3.7, 0.5: 6.1}[part], abs=0.5)
     assert robot.runs[-1].summary()["cells"] == robot.runs[-1].cells
 
@@ -78,7 +79,9 @@ def test_no_cell_is_skipped_while_one_joint_is_late():
             }
         }
     )
+
     times = check_visited(slow.simulate(automatic=True), WAVE, 2.0)
+
     extra = np.diff(times, prepend=0.0) - np.diff(quick, prepend=0.0)
     assert (extra[[0, 2]] > 1.0).all()
     assert extra[[1, 3]] == pytest.approx(0, abs=0.1)
@@ -90,12 +93,15 @@ def test_the_robot_goes_on_from_its_end_and_undo_takes_it_back():
     result = robot.simulate(automatic=True)
     np.testing.assert_array_equal(robot.position, result.axes("q")[-1])
     assert robot.cell.config.controllers == {}
+
     again = robot.simulate(automatic=True)  # from the start
     np.testing.assert_array_equal(again.values, result.values)
+
     # from the last state, and from the first cell
     onward = robot.run(robot.program.with_automatic(True))
     assert None not in onward.cells["automatic"]
     assert onward.axes("q")[0] == pytest.approx(result.axes("q")[-1], abs=1e-12)
+
     robot.undo()
     np.testing.assert_array_equal(robot.position, result.axes("q")[-1])
 
@@ -104,8 +110,10 @@ def test_the_robot_goes_on_from_its_end_and_undo_takes_it_back():
 def test_a_cell_that_cannot_be_reached_ends_the_run_and_names_the_joint():
     robot = standing(**{"servo.torque_limit": {"left_elbow": 1e-4}})
     result = robot.simulate(automatic={"timeout": 2})
+
     assert result.cells == {"automatic": [None] * 4}
     assert "cell 0 was not reached within 2 s; late: left_elbow" in result.message
+
     went_on = robot.simulate(automatic={"timeout": 2, "on_timeout": "go_on"})
     assert went_on.cells["automatic"][0] is None
     assert went_on.cells["automatic"][1] is not None
@@ -120,10 +128,14 @@ def test_a_program_says_that_it_is_automatic(tmp_path):
     }
     file.write_text(json.dumps(text))
     robot = LeggedRobot(load_station("humanoid_dynamic", {"servo.kd": 20}))
+
     robot.load(file)
+
     assert Program.load(robot.save(tmp_path / "again.yaml")) == robot.program
+
     loaded = robot.simulate()
     check_visited(loaded, WAVE, 3.0)
+
     np.testing.assert_array_equal(
         robot.simulate(automatic={"tolerance_deg": 3.0}).values, loaded.values
     )
@@ -145,7 +157,9 @@ def test_a_station_s_own_sequencer_waits_and_its_other_loops_lie_above():
         )
     )
     robot.add_reference({"left_elbow": 20, "neck_yaw": 9})
+
     result = robot.simulate(automatic=True)
+
     assert set(result.config.controllers) == {"guard", "automatic"}
     assert np.rad2deg(result["q_ref.neck_yaw"][-1]) == pytest.approx(10)
     assert set(robot.cell.config.controllers) == {"own", "guard"}
@@ -156,7 +170,9 @@ def test_an_arm_does_the_same(part):
     made = arm(**{"servo.kp": 2000 * part, "servo.kd": 100})
     result = made.simulate(automatic={"speed_deg": 2})
     targets = [dict(zip(made.axes, row, strict=True)) for row in np.rad2deg(POSTURES)]
+
     times = check_visited(result, targets, 2.0)
+
     assert (times[-1] > 2.5) == (part < 1)  # the slow one takes its time
     np.testing.assert_array_equal(made.position, np.zeros(6))  # it stays
 
@@ -164,8 +180,10 @@ def test_an_arm_does_the_same(part):
 def test_an_arm_is_programmed_here_and_run_there():
     made = Arm("irb120_kinematic")
     made.add_reference(POSTURES[0])
+
     with pytest.raises(InvalidParameter, match="a kinematic station has no servos"):
         made.simulate(automatic=True)
+
     result = made.simulate(load_station("irb120_dynamic", ARM), automatic=True)
     assert np.rad2deg(result["q.joint_5"][-1]) == pytest.approx(30, abs=2)
 
@@ -178,7 +196,9 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
         "automatic": True,
         "references": [{"target_deg": {"left_elbow": 20}}],
     }
+
     file.write_text(json.dumps(content))
+
     folder = tmp_path / "out"
     assert (
         run_command(
@@ -189,6 +209,7 @@ def test_a_program_runs_from_the_shell(tmp_path, capsys):
     (reached,) = json.loads((folder / "summary.json").read_text())["cells"]["automatic"]
     assert f"{reached:.2f}" in capsys.readouterr().out
     assert run_command(["run", str(file), "--duration", "3"]) == 2
+
     file.write_text(json.dumps({**content, "station": None}))
     assert run_command(["run", str(file)]) == 2
     assert "station: this key is required" in capsys.readouterr().err

@@ -45,8 +45,11 @@ def joint_pushes(plan):
 def test_a_line_cruises_at_its_speed(arm, profile, ramps):
     speed, push = 0.15, 1.0
     how = {"speed": speed, "acceleration": push, **({"profile": profile} if profile else {})}
+
     plan = arm.plan.move_l(CORNERS[1], wobj="table", **how)
+
     assert plan.duration == pytest.approx(0.1 / speed + ramps * speed / push)
+
     times, places, speeds, pushes = tool_way(arm, plan)
     along = np.linalg.norm(speeds, axis=1)
     even = np.abs(times - plan.duration / 2) < 0.1 / speed / 2 - ramps * speed / push / 2 - 2e-3
@@ -59,14 +62,18 @@ def test_a_line_cruises_at_its_speed(arm, profile, ramps):
 
 def test_unless_told_it_is_sped_up_as_much_as_the_joints_allow(arm):
     quick = arm.plan.move_l(CORNERS[1], wobj="table", speed=0.3)
+
     # the usual
     assert np.linalg.norm(tool_way(arm, quick)[3][3:-3], axis=1).max() == pytest.approx(
         2.0, rel=5e-3
     )
+
     limits = np.array(arm.plan.rate_limits)
     weak = np.full(6, 3.0)  # rad/s²
     object.__setattr__(planner := arm.plan, "rate_limits", RateLimits(limits[0], weak))
+
     slow = planner.move_l(CORNERS[1], wobj="table", speed=0.3)
+
     assert slow.duration > quick.duration
     assert 0.9 * 3.0 < joint_pushes(slow).max() < 3.0
 
@@ -74,6 +81,7 @@ def test_unless_told_it_is_sped_up_as_much_as_the_joints_allow(arm):
 def test_free_moves_take_as_long_as_accelerations_need(arm):
     limits = arm.plan.rate_limits
     object.__setattr__(planner := arm.plan, "rate_limits", RateLimits(limits[0], np.full(6, 1.0)))
+
     for how in ({}, {"profile": "trapezoid"}, {"zone": "z20"}):
         assert joint_pushes(
             planner.move_l(CORNERS[1:], wobj="table", **how)
@@ -88,7 +96,9 @@ def test_free_moves_take_as_long_as_accelerations_need(arm):
 def test_zones_round_the_corners_and_leave_the_lines_alone(arm):
     zone = 0.02
     plan = arm.plan.move_l(CORNERS[1:], wobj="table", zone="z20", speed=0.2)
+
     assert plan.duration == pytest.approx(0.3 / 0.2 + 1.5 * 0.2 / 2.0)  # one ramp up, one down
+
     times, places, speeds, pushes = tool_way(arm, plan)
     apart = np.linalg.norm(places[:, np.newaxis] - CORNERS[1:3], axis=2).min(axis=1)
     on_lines = apart > zone
@@ -112,11 +122,16 @@ def test_zones_round_the_corners_and_leave_the_lines_alone(arm):
 def test_zones_turn_the_tool_on_and_work_on_arcs(arm):
     turned = [[*CORNERS[1], 0.3, 0.0, np.pi], [*CORNERS[2], 0.3, 0.4, np.pi]]
     plan = arm.plan.move_l(turned, wobj="table", zone="z10", speed=0.1)
+
     end = arm.frame("table") @ transform_from_pose(turned[-1])
+
     np.testing.assert_allclose(arm.chain.forward(plan.end)[0], end.GetAsMatrix4(), atol=1e-6)
+
     middles, targets = [[0.1, 0.12, 0.05], [0.17, 0.15, 0.05]], CORNERS[1:3]
     arcs = arm.plan.move_c(middles, targets, wobj="table", zone="z10", speed=0.1)
+
     _, places, speeds, _ = tool_way(arm, arcs)
+
     for middle in middles:
         assert np.linalg.norm(places - middle, axis=1).min() < 1e-4
     assert np.linalg.norm(speeds, axis=1)[400:-400].min() > 0.03  # it does not rest
@@ -125,11 +140,15 @@ def test_zones_turn_the_tool_on_and_work_on_arcs(arm):
 def test_zones_of_joints_pass_beside_their_postures(arm):
     passing = arm.plan.move_abs_j(ROWS, zone="z30")
     resting = arm.plan.move_abs_j(ROWS, zone="fine")
+
     at = resting.trajectory.MakeDerivative(1).vector_values(resting.arrivals)
+
     np.testing.assert_allclose(at, 0, atol=1e-9)
+
     v = passing.trajectory.MakeDerivative(1).vector_values(passing.arrivals)
     assert np.abs(v[:, :2]).max(axis=0).min() > 0.1
     np.testing.assert_allclose(passing.end, ROWS[-1], atol=1e-12)
+
     tool = arm.chain.forward(passing.postures(np.linspace(0, passing.duration, 2000)))[:, :3, 3]
     for row in ROWS[:2]:
         away = np.linalg.norm(tool - arm.chain.forward(row)[0, :3, 3], axis=1).min()
@@ -154,9 +173,11 @@ def test_a_saved_move_keeps_its_corners_of_speed(arm):
     times, *values = hermite_samples(plan.trajectory, 0.0, plan.duration, 200.0)
     again = hermite(times, *values)
     looks = np.linspace(0, plan.duration, 777)
+
     pushes = [
         reference.MakeDerivative(2).vector_values(looks) for reference in (plan.trajectory, again)
     ]
+
     np.testing.assert_allclose(pushes[1], pushes[0], atol=1e-2 * np.abs(pushes[0]).max())
 
 

@@ -29,11 +29,14 @@ def robot():
 def test_runs_join_where_each_begins(robot):
     first, walk, last = robot.runs
     whole = join_runs(robot.runs)
+
     assert whole.stop_time == pytest.approx(first.stop_time + walk.stop_time + last.stop_time)
+
     times = np.array(
         [0.0, 0.2, first.stop_time, first.stop_time + 3.0, whole.stop_time - 0.5, whole.stop_time]
     )
     rows = whole.positions_at(times)
+
     np.testing.assert_allclose(rows[1], first.positions_at(np.array([0.2]))[0])
     np.testing.assert_allclose(
         rows[2], first.positions_at(np.array([first.stop_time]))[0], atol=1e-9
@@ -72,8 +75,11 @@ def test_pieces_that_change_hands_are_where_the_robot_has_them(tmp_path):
     move = {"target_deg": {"HomDF": 40}, "duration": 0.1}
     taken = {"attach": {"piece": "parcel", "pose": [0.0, 0.0, -0.05, 0.0, 0.0, 0.0]}}
     held.run(Program.model_validate({"moves": [move, taken, move]}))
+
     whole = held.result()
+
     assert [text for _, text in events_of(whole)] == ["start", "parcel to robot", "end"]
+
     narrow, wide = (
         Image.open(held.film(tmp_path / "hands.png", frames=n)).width for n in ("events", 4)
     )

@@ -127,8 +127,11 @@ def test_a_free_piece_is_taken_where_it_lies_now():
     }
     arm = Arm(load_station("irb120_dynamic", {**CONTACT, "pieces": {"weight": piece}}))
     arm.wait(0.2)
+
     fallen = arm.cell.frame("weight").translation()
+
     assert fallen[2] == pytest.approx(0.5 - 0.5 * 9.80665 * 0.2**2, abs=5e-3)
+
     arm.cell.attach("weight")  # to the world
     assert not arm.cell.config.pieces["weight"].free
     np.testing.assert_allclose(arm.cell.frame("weight").translation(), fallen, atol=1e-9)
@@ -139,11 +142,16 @@ class TestOnLinks:
         pack = {"model": "parcel", "parent": "world", "pose": [0, 0.06, 0.46, 0, 0, 0]}
         robot = LeggedRobot(load_station("humanoid_dynamic", {"pieces.pack": pack}))
         tool = robot.cell.robot("robot").tcp
+
         robot.attach("pack", "trunk")
+
         assert robot.cell.robot("robot").tcp == tool
+
         in_trunk = robot.base_pose.inverse() @ robot.cell.frame("pack")
         robot.test_move({"HomDF": 30}, 0.2)
+
         seen = robot.base_pose.inverse() @ robot.cell.frame("pack")
+
         np.testing.assert_allclose(seen.GetAsMatrix4(), in_trunk.GetAsMatrix4(), atol=1e-9)
 
     def test_a_station_file_names_the_link(self):
@@ -154,7 +162,9 @@ class TestOnLinks:
             "pose": [0, 0.09, 0.0, 0, 0, 0],
         }
         station = load_station("humanoid_dynamic", {"pieces.pack": pack})
+
         robot = LeggedRobot(station)
+
         assert robot.cell.robot("robot").tcp == "right_hand"
         np.testing.assert_allclose(
             robot.cell.frame("pack").translation(), [0, 0.09, 0.446], atol=1e-9
@@ -175,10 +185,14 @@ class TestOnLinks:
         robot = LeggedRobot(
             load_station("humanoid_dynamic", {"pieces.pack": pack, "pieces.bottle": bottle})
         )
+
         robot.cell.attach("bottle", "pack", pose=[0, 0, 0.1, 0, 0, 0])
+
         assert robot.cell.robot("robot").tcp == "right_hand"
+
         robot.cell.tool("robot", tool)
         robot.cell.attach("bottle", "world")
+
         assert robot.cell.robot("robot").tcp == "right_hand"
 
     def test_a_quadruped_carries_on_its_trunk(self):
@@ -196,6 +210,7 @@ def test_a_tool_near_enough_takes_a_piece_and_one_further_away_does_not():
     arm = Arm(load_station("irb120_kinematic", BARE))
     size = 0.03  # REACH
     top = arm.cell.frame("weight").translation() + np.array([0, 0, 0.2])
+
     for away in (0.02, 0.06):
         arm.cell.attach("weight", "world", pose=[*top, 0, 0, 0])
         arm.move_j([0, 0, -away, 0, 0, np.pi], wobj="weight", check=None)  # under it
@@ -211,7 +226,9 @@ def test_the_tool_in_use_takes_a_piece_where_it_is_moved_to():
     arm = Arm(load_station("irb120_kinematic", BARE))
     arm.tool([0, 0, 0.1, 0, 0, 0])  # a tip 10 cm further out
     arm.move_j([0, 0, 0.01, 0, 0, np.pi], wobj="weight")
+
     arm.attach("weight")
+
     assert arm.cell.config.pieces["weight"].parent == "load"
 
 

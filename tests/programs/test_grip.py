@@ -43,12 +43,15 @@ LEFT, RIGHT = {"name": "left", "axis": "0 1 0"}, {"name": "right", "axis": "0 -1
 
 def test_fingers_that_slide_side_by_side_are_found_with_their_closed_end():
     found, palm = fingers_of(hand(LEFT, RIGHT))
+
     assert palm == "hand"
     assert found == {"left": (0.0, 0.04), "right": (0.0, 0.04)}
+
     inward, _ = fingers_of(
         hand({**LEFT, "axis": "0 -1 0", "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05})
     )
     assert inward == {"left": (0.04, 0.0), "right": (0.04, 0.0)}
+
     alike, _ = fingers_of(
         hand({**LEFT, "low": -0.04, "high": 0, "at": 0.05}, {**RIGHT, "axis": "0 1 0", "at": -0.05})
     )
@@ -75,7 +78,9 @@ def test_fingers_that_turn_and_follow_each_other_are_found():
         "high": 0,
         "more": follows,
     }
+
     found, palm = fingers_of(hand(left, right))
+
     assert palm == "hand"
     assert found == {"left": (0.8, 0.0), "right": (-0.8, 0.0)}
 
@@ -119,7 +124,9 @@ def test_an_arm_from_its_urdf_alone_has_its_hand_as_the_tool(tmp_path):
     station.write_text(
         yaml.safe_dump({"robot": {"urdf": "arm.urdf"}, "mode": "kinematic", "servo": {"kp": 1}})
     )
+
     arm = Arm(load_station(station, mesh_path=[models_root()]))
+
     assert arm.tools[0] == "grasp"
     assert list(arm.cell.robot("robot").model.gripper.axes) == ["left_finger", "right_finger"]
     assert arm.chain.order == (0, 1, 2, 3, 4, 5)
@@ -132,10 +139,13 @@ def test_a_kinematic_gripper_opens_and_closes():
         )
     )
     arm.grip()
+
     np.testing.assert_allclose(arm.position[6:], 0.0, atol=1e-9)
+
     run = arm.open(width=0.03)
     np.testing.assert_allclose(arm.position[6:], 0.015, atol=1e-9)
     assert run.stop_time == pytest.approx(0.5)
+
     arm.move_abs_j([0, 0.1, 0, 0, 1.5, 0])  # without the fingers, which stay
     np.testing.assert_allclose(arm.position, [0, 0.1, 0, 0, 1.5, 0, 0.015, 0.015], atol=1e-9)
     with pytest.raises(
@@ -152,6 +162,7 @@ def test_a_kinematic_gripper_opens_and_closes():
 
 def test_what_fingers_cannot_do_is_said():
     arm = Arm(load_station("irb120_gripper", ALONE))
+
     with pytest.raises(SimrobError, match=r"force is 200\.0; it must be at most 130"):
         arm.grip(force=200)
     with pytest.raises(SimrobError, match=r"a robot with a gripper in its robot\.yaml"):
@@ -163,11 +174,13 @@ def test_what_fingers_cannot_do_is_said():
 def test_a_force_that_soft_servos_cannot_press_with_is_refused():
     soft = {"servo.kp": {"left_finger": 1000.0, "right_finger": 1000.0}}
     arm = Workcell(load_station("irb120_gripper", soft)).arm()
+
     with pytest.raises(
         SimrobError,
         match=r"force is 60\.0; it must be at most 25 N, the force that servo\.kp of left_finger",
     ):
         arm.grip(force=60)
+
     arm.grip(force=20)
 
 
@@ -191,9 +204,11 @@ def test_friction_holds_what_coulomb_says():
     """m g = 2 mu F for F = 9.81 N: some more holds, some less slips."""
     critical = 1.0 * 9.80665 / (2 * 0.5)
     held, gripped, raised = lifted(1.05 * critical)
+
     assert 0.03 > held > 0.02  # it creeps, see below
     np.testing.assert_allclose(gripped.axes("tau")[-1, 6:], -1.05 * critical, rtol=1e-6)
     assert not raised.warnings
+
     slipped, _, _ = lifted(0.95 * critical)
     assert slipped == pytest.approx(0.0, abs=1e-3)
 
@@ -210,13 +225,16 @@ def test_what_is_held_creeps_as_the_smoothed_friction_says():
     arm.move_l([0.35, 0, 0.05], duration=1.0)
     before = cell.frame("cube_3").translation()[2]
     arm.wait(1.0)
+
     slid = before - cell.frame("cube_3").translation()[2]
+
     assert slid == pytest.approx(1e-3 / 1.2 / np.sqrt(1 - 1 / 1.2**2), rel=0.03)
 
 
 def test_fingers_that_close_on_nothing_end_the_run():
     arm = Arm(load_station("irb120_gripper", ALONE))
     run = arm.grip()
+
     assert run.stopped_by == "dropped"
     assert run.message.startswith("the fingers of robot closed with nothing between them")
 
@@ -225,9 +243,12 @@ def test_fingers_that_close_on_nothing_end_the_run():
 @pytest.mark.usefixtures("no_plots")
 def test_the_program_of_the_station_puts_a_cube_on_another(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+
     assert run_command(["run", "irb120_gripper", "--no-recording", "--out", "r", "--strict"]) == 0
+
     names, *_, last = (tmp_path / "r" / "signals.csv").read_text().splitlines()
     end = dict(zip(names.split(","), map(float, last.split(",")), strict=True))
+
     place = [end[f"piece.cube_3.{axis}"] for axis in "xyz"]
     np.testing.assert_allclose(place, [0.35, 0.1, 0.06], atol=2e-3)
     again = (tmp_path / "r" / "program.yaml").read_text()

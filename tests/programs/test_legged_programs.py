@@ -47,9 +47,11 @@ class TestOnThePhysics:
         carrier.add_move({"HomDF": 60}, 0.4)
         carrier.act("bow", rest=0.0, store=True)
         carrier.release("parcel", store=True)
+
         carrier.add_move({"HomDF": 0}, 0.4)
         kinds = [JointMove, WalkMove, AttachMove, JointMove, ActMove, ReleaseMove, JointMove]
         assert [type(move) for move in carrier.program.moves] == kinds
+
         before, left = snapshot(carrier), carrier.cell.frame("parcel").translation()
         result = carrier.simulate()
         assert result is carrier.runs[-1]
@@ -67,9 +69,11 @@ class TestOnThePhysics:
             np.testing.assert_array_equal(later.axes("q")[0], run.axes("q")[-1])
         assert snapshot(carrier) == before
         np.testing.assert_array_equal(carrier.cell.frame("parcel").translation(), left)
+
         other = LeggedRobot(carrier._start)
         other.load(carrier.save(tmp_path / "carry.yaml"))
         assert other.program == carrier.program
+
         other.simulate()
         np.testing.assert_array_equal(other.position, carrier.position)
 
@@ -78,21 +82,26 @@ class TestOnThePhysics:
         carrier.walk(4)
         went = carrier.base_pose.translation()[1]
         assert went < -0.1
+
         hand = carrier.pose("right_hand")[:3]
         with pytest.raises(
             InvalidParameter,
             match=r"parcel: .* mm away from robot, which takes pieces within 30 mm",
         ):
             carrier.attach("parcel")
+
         before_it = [hand[0], hand[1] - 0.05, hand[2], 0.3, 0.0, 0.0]  # by 20 mm
         carrier.cell.attach("parcel", "world", pose=before_it)
         place = carrier.cell.frame("parcel").GetAsMatrix4()
+
         carrier.attach("parcel")
         np.testing.assert_allclose(carrier.cell.frame("parcel").GetAsMatrix4(), place, atol=1e-9)
+
         in_hand = transform_from_pose(carrier.pose("right_hand")).inverse() @ carrier.cell.frame(
             "parcel"
         )
         carrier.test_move(ARM, 0.3)
+
         seen = transform_from_pose(carrier.pose("right_hand")) @ in_hand
         np.testing.assert_allclose(
             carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9
@@ -101,7 +110,9 @@ class TestOnThePhysics:
     def test_a_fall_ends_the_program(self, carrier):
         falls = Program.model_validate({"moves": [TIP, {"act": "bow"}, {"attach": "parcel"}]})
         before = snapshot(carrier)
+
         result = carrier.run(falls)
+
         assert result.stopped_by == "fall"
         assert len(carrier.runs) == 1
         assert snapshot(carrier) == before
@@ -125,7 +136,9 @@ class TestEditing:
         carrier.edit(1, {"act": {"name": "bow", "repeat": 2}})
         carrier.insert(3, {"target_deg": ARM, "duration": 0.2})
         carrier.edit(3, carrier.program.moves[2])
+
         dumped = [move.entry() for move in carrier.program.moves]
+
         assert dumped == [
             {"walk": {"steps": 2, "gait": "march"}},
             {"act": {"name": "bow", "repeat": 2}},
@@ -134,6 +147,7 @@ class TestEditing:
         ]
         assert carrier.program.duration == pytest.approx(0.6)
         assert carrier.cell.state is None  # nothing has moved
+
         for _ in range(8):
             carrier.undo()
         assert carrier.program == Program()
@@ -141,8 +155,11 @@ class TestEditing:
     def test_undo_takes_a_stored_piece_back(self, held):
         held.add_move(ARM, 0.1)
         before = snapshot(held)
+
         held.attach("parcel", pose=IN_HAND, store=True)
+
         assert held.program.moves[-1] == AttachMove(piece="parcel", pose=IN_HAND)
+
         held.undo()
         assert snapshot(held) == before
 
@@ -157,7 +174,9 @@ class TestEditing:
         file.write_text(
             "moves:\n- target_deg: {HomDF: 40.0}\n  duration: 0.2\n- target_deg: {RodD: 10}\n"
         )
+
         held.load(file)
+
         assert held.program.duration == 1.2
         assert held.simulate().stop_time == pytest.approx(1.2)  # one run
         assert Program.load(held.save(file)) == held.program
@@ -167,7 +186,9 @@ class TestEditing:
             "moves:\n- walk: {steps: 3}\n- {act: wave}\n- {attach: parcel}\n- {release: parcel}\n"
         )
         (tmp_path / "short.yaml").write_text(text)
+
         program = Program.load(tmp_path / "short.yaml")
+
         assert program.save(tmp_path / "again.yaml").read_text() == text
 
 
@@ -181,21 +202,27 @@ class TestTools:
             for side in ("left", "right")
         }
         held.attach("parcel", "left_hand", pose=IN_HAND)
+
         place = mount @ transform_from_pose(IN_HAND)
+
         np.testing.assert_allclose(
             held.cell.frame("parcel").GetAsMatrix4(), place.GetAsMatrix4(), atol=1e-9
         )
+
         result = held.test_move({"RodD": 0}, 0.1)
         plant = held.cell.model.plant
         shoulder = held.cell.model.pose(
             plant.GetJointByName("left_shoulder_frontal").frame_on_child()
         ).translation()
+
         lever = shoulder[1] - place.translation()[1]  # it looks to -y
+
         assert lever > 0.03
         more = result["tau.left_shoulder_pitch"][-1] - before["left"]
         assert more == pytest.approx(0.1 * 9.80665 * lever, rel=1e-3)
         assert result["tau.right_shoulder_pitch"][-1] == pytest.approx(before["right"], abs=1e-6)
         assert held.cell.model.robots["robot"].tcp == "parcel"
+
         held.release("parcel")
         assert held.cell.model.robots["robot"].tcp == "left_hand"
 
@@ -207,11 +234,14 @@ class TestTools:
                 transform_from_pose(held.pose(tool)) @ transform_from_pose(IN_HAND)
             ).GetAsMatrix4()
             np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), place, atol=1e-9)
+
         held.add_move({"CadIF": 30}, 0.2)
         moved = held.cell.frame("parcel").GetAsMatrix4()
+
         assert np.linalg.norm(moved[:3, 3] - place[:3, 3]) > 0.05  # the foot has taken it along
         kept = {"piece": "parcel", "tool": "left_hand", "pose": IN_HAND}
         assert held.program.moves[0].entry() == {"attach": kept}
+
         held.simulate()
         np.testing.assert_allclose(held.cell.frame("parcel").GetAsMatrix4(), moved, atol=1e-9)
 
@@ -222,7 +252,9 @@ class TestTools:
 
     def test_on_its_feet_it_takes_with_the_left_hand(self, carrier):
         carrier.attach("parcel", "left_hand", pose=IN_HAND)
+
         assert carrier.test_move({"HomIF": 40}, 0.5).ending == "completed"
+
         seen = transform_from_pose(carrier.pose("left_hand")) @ transform_from_pose(IN_HAND)
         np.testing.assert_allclose(
             carrier.cell.frame("parcel").GetAsMatrix4(), seen.GetAsMatrix4(), atol=1e-9
@@ -234,6 +266,7 @@ class TestTools:
             {"pieces.parcel": {"parent": "robot", "frame": "left_hand", "pose": [0.0] * 6}},
         )
         robot = LeggedRobot(station)
+
         np.testing.assert_allclose(
             robot.cell.frame("parcel").translation(), robot.pose("left_hand")[:3], atol=1e-9
         )
@@ -305,6 +338,7 @@ class TestErrors:
     def test_the_move_is_named_and_nothing_happens(self, carrier, move, error, message):
         carrier.add_move(ARM, 0.1)
         before = snapshot(carrier)
+
         with pytest.raises(error, match=message):
             carrier.insert(1, move)
         moves = [
@@ -360,6 +394,7 @@ class TestErrors:
     def test_a_damaged_file_tells_where(self, tmp_path, entry, message):
         file = tmp_path / "program.yaml"
         file.write_text(f"moves:\n- {{act: wave}}\n- {entry}\n")
+
         with pytest.raises(InvalidConfig) as problem:
             Program.load(file)
         assert str(problem.value).startswith(f"{file}: {message}")

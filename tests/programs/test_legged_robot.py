@@ -52,10 +52,12 @@ FEET = (("walk", "spheres_C"), ("march", None))  # that two gaits are made for
 class TestMoves:
     def test_a_test_moves_and_stores_nothing(self, held):
         result = held.test_move({"HomDF": 40, "left_knee": 20}, 0.5)
+
         assert result.stop_time == 0.5
         assert turned(held, "right_shoulder_pitch") == pytest.approx(40)
         assert turned(held, "left_knee") == pytest.approx(20)
         assert held.program == Program()
+
         held.test_move({"RodI": 30}, 0.5)
         assert turned(held, "right_shoulder_pitch") == pytest.approx(40)  # who is not named stays
         assert turned(held, "left_knee") == pytest.approx(30)  # angles are absolute
@@ -63,6 +65,7 @@ class TestMoves:
     def test_a_kinematic_move_has_a_torque(self, held):
         """It is smooth: rest at both ends, and the peak speed of the polynomial of degree five."""
         result = held.test_move({"HomDF": 40}, 0.5)
+
         speed = np.rad2deg(result["v.right_shoulder_pitch"])
         assert speed.max() == pytest.approx(1.875 * 40 / 0.5, rel=1e-3)
         np.testing.assert_allclose(speed[[0, -1]], 0, atol=1e-9)
@@ -72,19 +75,24 @@ class TestMoves:
         """Joints, velocities and the pose of the trunk go on: cut in two, a move ends where the whole one does."""
         standing.test_move(KNEES, 1.0)
         half = standing.velocity
+
         second = standing.test_move(KNEES | {"HomDF": 30}, 0.6)
         assert np.abs(half).max() > 0.05  # it was on its way: the servos lag by 1 s
         np.testing.assert_allclose(second.axes("v")[0], half, atol=1e-9)
+
         whole = LeggedRobot("humanoid_dynamic")
         program = Program.model_validate(
             {"moves": [{"target_deg": KNEES}, {"target_deg": {"HomDF": 30}, "duration": 0.6}]}
         )
+
         result = whole.run(program)
         assert result.stop_time == pytest.approx(1.6)
         # accuracy 1e-3, steps of 20 ms
         np.testing.assert_allclose(standing.position, whole.position, atol=2e-3)
+
         apart = standing.base_pose.translation() - whole.base_pose.translation()
         assert np.linalg.norm(apart) < 1e-3
+
         sunk = standing.base_pose.translation()[2]
         assert 0.40 < sunk < 0.4455  # and it did bend its knees
 
@@ -97,17 +105,21 @@ class TestMoves:
         for targets, duration in ((KNEES, 1.0), (ARM, 0.5)):
             standing.add_move(targets, duration)
         q, base = standing.position, standing.base_pose.translation()
+
         result = standing.simulate()
+
         assert result.stop_time == pytest.approx(1.5)
         assert result.start is None
         np.testing.assert_allclose(standing.position, q, atol=2e-3)
         np.testing.assert_allclose(standing.base_pose.translation(), base, atol=1e-3)
+
         again = standing.simulate()
         # from the start, to the last bit
         np.testing.assert_array_equal(again.values, result.values)
 
     def test_the_step_of_the_thesis(self, standing):
         result = standing.step()
+
         assert [dict(move.target_deg) for move in standing.program.moves][1] == {
             "RodD": 30,
             "TobD": -30,
@@ -119,6 +131,7 @@ class TestMoves:
     def test_a_reference_is_kept_for_the_sequencer(self, held):
         held.add_reference({"HomIF": 30, "CadDF": 30})
         held.add_reference({"HomIF": 0})
+
         assert held.cell.state is None
         assert [cell.target_deg for cell in held.program.references] == [
             {"HomIF": 30, "CadDF": 30},
@@ -137,7 +150,9 @@ class TestMoves:
         cell = Workcell(config)
         left, right = LeggedRobot(cell, "left"), LeggedRobot(cell, "right")
         left.test_move(ARM, 0.2)
+
         right.test_move({"HomIF": 10}, 0.2)
+
         assert turned(left, "right_shoulder_pitch") == pytest.approx(40)
         assert turned(right, "right_shoulder_pitch") == 0
         np.testing.assert_allclose(
@@ -153,20 +168,25 @@ class TestEditing:
         held.add_move({"RodD": 10}, 0.2)
         held.insert(1, {"RodI": 20}, 0.3)
         held.edit(0, {"HomDF": 60})
+
         held.edit(-1, duration=0.4)
+
         assert [(dict(move.target_deg), move.duration) for move in held.program.moves] == [
             ({"HomDF": 60}, 0.2),
             ({"RodI": 20}, 0.3),
             ({"RodD": 10}, 0.4),
         ]
         assert turned(held, "right_shoulder_pitch") == pytest.approx(40)  # it stays where it is
+
         result = held.simulate()
         assert result.stop_time == pytest.approx(0.9)
         assert [
             turned(held, axis) for axis in ("right_shoulder_pitch", "left_knee", "right_knee")
         ] == pytest.approx([60, 20, 10])
+
         held.remove(0)
         held.simulate()
+
         assert turned(held, "right_shoulder_pitch") == 0
 
     def test_undo_takes_back_robot_and_program(self, standing):
@@ -183,6 +203,7 @@ class TestEditing:
         ):
             do()
             seen.append(snapshot(standing))
+
         for before in reversed(seen[:-1]):
             standing.undo()
             assert snapshot(standing) == before
@@ -194,15 +215,19 @@ class TestEditing:
         first = standing.test_move({"HomDF": 30}, 0.2)
         standing.undo()
         standing.test_move({"HomDF": -30}, 0.2)
+
         standing.undo()
+
         np.testing.assert_array_equal(standing.test_move({"HomDF": 30}, 0.2).values, first.values)
 
     def test_reset_goes_back_to_the_start(self, standing):
         standing.add_move(KNEES, 0.3)
         standing.reset(keep_program=True)
+
         assert len(standing.program.moves) == 1
         np.testing.assert_array_equal(standing.position, np.zeros(18))
         np.testing.assert_array_equal(standing.base_pose.translation(), [0, 0, 0.446])
+
         standing.reset()
         assert standing.program == Program()
 
@@ -211,7 +236,9 @@ class TestEditing:
         held.add_reference({"RodD": 10})
         file = held.save(tmp_path / "arm.yaml")
         other = LeggedRobot("zjudancer_dynamic")
+
         other.load(file)
+
         assert other.program == held.program
         assert other.run(file).stop_time == pytest.approx(0.2)
 
@@ -227,7 +254,9 @@ class TestEveryRobot:
         robot.run(Program.model_validate({"moves": [{"target_deg": {"HomIF": 30, "CadDF": 30}}]}))
         left = before["left_foot"] - before["right_foot"]
         up = transform_from_pose([0, 0, 0, 0, 0, 0]).inverse().rotation().matrix()[2]
+
         vertical = robot.base_pose.rotation().inverse().matrix() @ up
+
         ahead = np.cross(left, vertical) / np.linalg.norm(left)
         for tool in robot.tools:
             moved = robot.pose(tool, frame="trunk")[:3] - before[tool]
@@ -244,15 +273,20 @@ class TestEveryRobot:
     def test_it_walks_from_where_it_stands(self, name, steps, least):
         robot = LeggedRobot(f"{name}_dynamic")
         config = robot.cell.config
+
         result = robot.walk(steps)
+
         assert result.ending == "completed"
+
         measures = result.summary()["locomotion"]
         assert measures["ahead"] > least
         assert abs(measures["drift"]) < 0.02
         # servos and solver are its own again, and the floor was large enough
         assert robot.cell.config == config
+
         robot.undo()
         half = robot.walk(steps, amplitude=0.5).summary()["locomotion"]
+
         assert half["ahead"] == pytest.approx(measures["ahead"] / 2, rel=0.25)
 
     @pytest.mark.long
@@ -281,7 +315,9 @@ class TestEveryRobot:
         """Soles under what is planned for spheres; the humanoid's, 15 % narrower than those of `real_sole`, too."""
         soles = {"robot.feet": "soles", "contact.model": "hydroelastic_with_fallback"}
         robot = LeggedRobot(load_station(f"{name}_dynamic", soles))
+
         result = robot.walk(4)
+
         assert result.ending == "completed"
         assert result.summary()["locomotion"]["ahead"] > least
 
@@ -321,14 +357,18 @@ class TestStep:
             load_station(station, solver if feet is None else solver | {"robot.feet": feet})
         )
         upright = robot.base_pose.rotation().matrix()[2]
+
         result = robot.step()
+
         assert result.ending == "completed"
         assert result.summary()["locomotion"]["ahead"] == pytest.approx(way, rel=0.33)
         assert abs(result.summary()["locomotion"]["drift"]) < 0.01
         assert robot.base_pose.rotation().matrix()[2] @ upright > np.cos(np.deg2rad(4))
         assert len(robot.program.moves) == (4 if name == "humanoid" and feet is None else 1)
+
         stays = robot.base_pose.translation()
         robot.test_move({robot.axes[0]: np.rad2deg(robot.reference[0])}, 1.0)
+
         # the humanoid's servos lag by 1 s
         np.testing.assert_allclose(robot.base_pose.translation(), stays, atol=0.015)
 
@@ -340,7 +380,9 @@ class TestStep:
         start = standing.base_pose.translation()
         standing.step()
         standing.cell.wait(2.0)
+
         way = start[1] - standing.base_pose.translation()[1]
+
         assert act["ahead"] == pytest.approx(way, abs=0.002)
         assert way == pytest.approx(0.07, abs=0.004)
 
@@ -348,7 +390,9 @@ class TestStep:
     def test_its_time_is_that_of_its_moves(self):
         quick, slow = LeggedRobot("humanoid_fixed"), LeggedRobot("roid1_dynamic")
         quick.step(0.1)
+
         assert [move.duration for move in quick.program.moves] == [0.1] * 4
+
         slow.step(0.5)
         assert slow.program.moves[0].entry()["walk"] == {
             "steps": 1,
@@ -369,6 +413,7 @@ class TestGaits:
         """As the march planned alone does: 4 steps of the thesis's manner go 0.12 to 0.25 m."""
         config = standing.cell.config
         result = standing.walk(4, gait="march")
+
         # the gains of the thesis as they are
         assert "reference_velocity" not in result.config.inputs
         assert result.ending == "completed"
@@ -378,6 +423,7 @@ class TestGaits:
     def test_a_sequence_ends_in_its_last_posture(self, held):
         held.test_move(ARM, 0.2)
         result = held.act("wave", rest=0.0)
+
         begun = result.stop_time - 4.0  # into its posture, 45 deg away, and there
         assert begun == pytest.approx(2.0 + 0.5)
         at = np.interp(
@@ -386,6 +432,7 @@ class TestGaits:
         assert at == pytest.approx((0, 20, 60), abs=1e-3)
         assert turned(held, "right_shoulder_pitch") == pytest.approx(0, abs=1e-6)
         assert held.program == Program()
+
         held.undo()
         assert turned(held, "right_shoulder_pitch") == pytest.approx(40)
 
@@ -393,25 +440,33 @@ class TestGaits:
     def test_who_stands_in_the_posture_of_a_gait_begins_at_once(self, name):
         robot = LeggedRobot(f"{name}_dynamic")
         first, second = (robot.walk(4, store=True) for _ in range(2))
+
         planned = planned_gait(robot, None, {}, steps=4).duration
+
         assert planned <= second.stop_time < planned + 0.2
         assert second.stop_time < first.stop_time
         assert second.ending == "completed"
+
         ahead = [result.summary()["locomotion"]["ahead"] for result in (first, second)]
         assert ahead[1] == pytest.approx(ahead[0], rel=0.2)  # it walks as well
 
     @pytest.mark.long
     def test_who_is_still_moving_settles_first(self, held):
         held.act("wave", rest=0.0)
+
         assert held.act("wave", rest=0.0).stop_time == pytest.approx(4.0)  # there already
+
         held.test_move({"HomDF": 20}, 0.3)
         assert held.act("wave", rest=0.0).stop_time == pytest.approx(
             4.0 + 2.5 * np.sqrt(20 / 45), abs=0.02
         )
+
         standing = LeggedRobot("humanoid_dynamic")
         ready = standing.act("crouch", rest=0.0).stop_time
         standing.test_move({"HomDF": 40}, 0.1)
+
         standing.test_move({"HomDF": 0}, 0.1)  # back in the posture, by its references
+
         assert standing.act("crouch", rest=0.0).stop_time == pytest.approx(6.5)
         assert ready > 6.5
 
@@ -427,10 +482,12 @@ class TestGaits:
         planned = three_legs("yobotics", foot="rear_right_foot", seconds=0.5).duration
         begun = result.stop_time - planned
         middle = result.axes("q")[np.searchsorted(result.times, begun + 1.5 + 0.6 + 0.25)]
+
         rise = {
             foot: robot.pose(foot, middle, "trunk")[2] - robot.pose(foot, frame="trunk")[2]
             for foot in robot.feet
         }
+
         assert rise.pop("rear_right_foot") == pytest.approx(0.03, abs=0.01)
         assert max(map(abs, rise.values())) < 0.005
 
@@ -438,6 +495,7 @@ class TestGaits:
     def test_an_act_that_is_to_fall_is_done_when_the_robot_lies(self, standing):
         config = standing.cell.config
         result = standing.act("fall_forward", store=True)
+
         assert result.ending == "completed"
         assert len(standing.program.moves) == 1
         assert standing.pose("trunk" if "trunk" in standing.tools else "head")[2] < 0.3
@@ -454,6 +512,7 @@ class TestGeometry:
         np.testing.assert_allclose(
             standing.pose("head", frame="trunk")[:3], [0, 0, 0.0344], atol=1e-6
         )
+
         moved = standing.pose("left_foot", np.zeros((2, 18)), "right_foot")
         assert moved.shape == (2, 6)
         np.testing.assert_allclose(np.linalg.norm(moved[:, :3], axis=1), 2 * 0.04442, atol=1e-6)
@@ -461,6 +520,7 @@ class TestGeometry:
     def test_the_world_moves_with_the_trunk(self, standing):
         standing.test_move(KNEES, 1.0)
         trunk = standing.base_pose @ transform_from_pose(standing.pose("right_hand", frame="trunk"))
+
         np.testing.assert_allclose(trunk.translation(), standing.pose("right_hand")[:3], atol=1e-9)
         # on the floor, though the trunk sank
         assert standing.pose("left_foot")[2] == pytest.approx(0.0, abs=3e-3)
@@ -483,7 +543,9 @@ class TestGeometry:
         """The place of the docs: arms that hang straight bend, whatever side the robot looks to."""
         robot = LeggedRobot(f"{name}_dynamic")
         place = robot.pose("right_hand", frame="trunk")[:3] + np.array([0, 0, 0.05])
+
         q = robot.joint("right_hand", place)
+
         np.testing.assert_allclose(robot.pose("right_hand", q, "trunk")[:3], place, atol=1e-5)
 
     def test_a_leg_of_six_axes_reaches_a_pose(self):
@@ -491,7 +553,9 @@ class TestGeometry:
         pose = robot.pose("left_foot", frame="trunk") + np.array(
             [0.02, 0.01, 0.03, 0.1, 0.05, -0.05]
         )
+
         q = robot.joint("left_foot", pose)
+
         np.testing.assert_allclose(robot.pose("left_foot", q, "trunk"), pose, atol=1e-4)
         assert set(robot.targets_deg(q)) <= {
             axis for axis in robot.axes if axis.startswith("left_")
@@ -515,14 +579,20 @@ class TestGeometry:
     def test_the_trunk_moves_over_feet_that_stay(self, name, shift):
         robot = LeggedRobot(f"{name}_dynamic")
         robot.test_move({robot.axes[0]: 0}, 0.1)  # it settles
+
         feet, trunk = {foot: robot.pose(foot)[:3] for foot in robot.feet}, robot.base_pose
+
         assert len(feet) == (4 if name == "yobotics" else 2)
+
         q = robot.posture(transform_from_pose([*shift, 0, 0, 0]) @ trunk)
         robot.test_move(robot.targets_deg(q), 1.0)
+
         # a lag of 1 s
         robot.test_move({robot.axes[0]: np.rad2deg(q[0])}, 5.0 if name == "humanoid" else 0.5)
+
         for foot, place in feet.items():
             np.testing.assert_allclose(robot.pose(foot)[:3], place, atol=2e-3)
+
         went = robot.base_pose.translation() - trunk.translation()
         np.testing.assert_allclose(went, shift, atol=3e-3)  # by the servos' errors under the weight
 
@@ -530,7 +600,9 @@ class TestGeometry:
         trunk = transform_from_pose([0, 0, -0.03, 0, 0, 0]) @ standing.base_pose
         place = [-0.09, -0.12, 0.25]
         q = standing.posture(trunk, {"right_hand": place})
+
         hand = trunk @ transform_from_pose(standing.pose("right_hand", q, "trunk"))
+
         np.testing.assert_allclose(hand.translation(), place, atol=1e-5)
         for foot in standing.feet:
             stays = trunk @ transform_from_pose(standing.pose(foot, q, "trunk"))
@@ -624,9 +696,11 @@ class TestErrors:
     def test_all_stays_as_it_was(self, standing, do, error, message):
         standing.add_move(ARM, 0.05)
         before = snapshot(standing)
+
         with pytest.raises(error, match=message):
             do(standing)
         assert snapshot(standing) == before
+
         standing.undo()
         assert standing.program == Program()  # nor did the error leave anything to undo
 
@@ -731,7 +805,9 @@ class TestFalls:
     def test_nothing_of_a_fall_is_stored(self, standing):
         standing.add_move(ARM, 0.3)
         before = snapshot(standing)
+
         result = standing.add_move(TIP, 3.0)
+
         assert result.stopped_by == "fall"
         assert "robot fell" in result.message
         assert np.isfinite(result.values).all()
@@ -740,8 +816,10 @@ class TestFalls:
         assert snapshot(standing) == before
         assert standing.add_move(ARM, 1.0).ending == "completed"  # it stands
         assert len(standing.program.moves) == 2
+
         standing.undo()
         assert snapshot(standing) == before
+
         standing.undo()
         assert standing.program == Program()
 
@@ -750,8 +828,10 @@ class TestFalls:
         falls = Program.model_validate(
             {"moves": [{"target_deg": TIP, "duration": 3.0}, {"act": "bow"}]}
         )
+
         assert standing.run(falls).stopped_by == "fall"
         assert snapshot(standing) == before
+
         standing.insert(0, TIP, 3.0)
         assert standing.simulate().stopped_by == "fall"
         assert standing.cell.state is None
@@ -766,7 +846,9 @@ class TestFalls:
             "upper": [1, 1, high],
         }
         robot = LeggedRobot(load_station("humanoid_dynamic", {"monitors.high": watch}))
+
         result = robot.add_move({"HomDF": 90}, 1.0)
+
         assert result.stopped_by == "high"
         assert len(robot.program.moves) == 1
         np.testing.assert_array_equal(robot.position, result.axes("q")[-1])
@@ -778,13 +860,16 @@ def test_a_walk_leaves_arms_where_they_were_taught_to_be(standing):
     arm, other = (standing.axes.index(f"{side}_elbow") for side in ("left", "right"))
     plain = planned_gait(standing, None, {}, steps=1)
     assert taught_arms(standing) == {}
+
     standing.run(
         Program(moves=[{"target_deg": {"left_elbow": 60}, "duration": 0.5}, {"walk": {"steps": 1}}])
     )
     assert taught_arms(standing) == {"left_elbow": pytest.approx(60)}
+
     taught = planned_gait(standing, None, {}, steps=1)
     np.testing.assert_allclose(taught.positions[:, arm], np.deg2rad(60), atol=1e-9)
     np.testing.assert_allclose(taught.positions[:, other], plain.positions[:, other], atol=1e-9)
+
     bearing = next(iter(gaits_of(standing.model, steps=True).values())).bearing.model_dump()
     own = planned_gait(standing, None, {"bearing": bearing}, steps=1)
     np.testing.assert_allclose(own.positions[:, arm], plain.positions[:, arm], atol=1e-9)

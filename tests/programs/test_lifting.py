@@ -32,6 +32,7 @@ def rehearsed(folder, moves):
 
 def test_a_gripped_box_may_be_put_back(tmp_path):
     cell, seen, _ = rehearsed(tmp_path, [DOWN, GRIP, UP, DOWN_AGAIN, OPEN, UP])
+
     assert seen == 6
     pose = cell.state.joints["box::box/box"].position
     np.testing.assert_allclose(pose[4:], [0, 0, 0.02], atol=1e-9)  # where it was taken
@@ -39,6 +40,7 @@ def test_a_gripped_box_may_be_put_back(tmp_path):
 
 def test_a_gripped_box_moves_with_the_fingers_in_the_look_ahead(tmp_path):
     cell, seen, _ = rehearsed(tmp_path, [DOWN, GRIP, UP])
+
     assert seen == 3
     pose = cell.state.joints["box::box/box"].position
     np.testing.assert_allclose(pose[4:], [0, 0, 0.02 + 0.19], atol=1e-9)
@@ -70,9 +72,12 @@ def test_fingers_without_a_piece_still_run_into_it(tmp_path):
 def test_the_remedy_of_a_collision_can_be_written_in_a_move_of_joints(tmp_path):
     closed = {"target_deg": {"finger_left_joint": 0.0}, "duration": 0.7}
     _, seen, _ = rehearsed(tmp_path, [closed, {**DOWN, "check": "limits"}])
+
     assert seen == 2
+
     _, seen, _ = rehearsed(tmp_path, [closed, {**DOWN, "check": None}])
     assert seen == 2
+
     program = Program.of_content({"moves": [DOWN, {**DOWN, "check": "limits"}]}, "program")
     assert [move.entry() for move in program.moves] == [DOWN, {**DOWN, "check": "limits"}]
 
@@ -93,6 +98,7 @@ def test_robots_with_legs_refuse_the_check(tmp_path):
 def test_a_box_that_fingers_hold_to_the_end_is_not_lost(tmp_path):
     config = lifting_station(tmp_path, [DOWN, GRIP, UP, DOWN_AGAIN, OPEN])
     result = perform(Workcell(config), carried_program(config))
+
     assert result.verdict["lost_piece"].worst.value == 0.0
     assert not [text for text in result.verdict.warnings if "slipped" in text]
     # Carried up, put down at its place, and released there on purpose.
@@ -103,6 +109,7 @@ def test_a_box_that_fingers_hold_to_the_end_is_not_lost(tmp_path):
 def test_a_box_that_slips_out_of_the_fingers_is_reported_with_its_move(tmp_path):
     config = lifting_station(tmp_path, [DOWN, WEAK_GRIP, UP, {"wait": 0.2}])
     result = perform(Workcell(config), carried_program(config))
+
     lost = result.verdict["lost_piece"]
     # it stays behind near the floor
     assert lost.worst.value == pytest.approx(0.19 - 0.02, abs=0.04)
@@ -125,7 +132,9 @@ def test_a_lost_box_in_the_way_of_a_later_move_is_named(tmp_path):
 def test_a_motor_that_presses_on_a_box_is_not_called_too_weak_to_hold(tmp_path):
     closed = {"target_deg": {"finger_left_joint": 0.0}, "duration": 0.7}
     config = lifting_station(tmp_path, [closed, {**DOWN, "check": "limits"}])
+
     result = perform(Workcell(config), carried_program(config))
+
     assert result["tau.lift"][-1] < -100  # downwards: gravity pulls that way, too
     remedies = [remark.remedy.text for remark in result.verdict.remarks if remark.remedy]
     assert any("presses against an obstacle" in text for text in remedies)
@@ -136,7 +145,9 @@ def test_a_motor_that_cannot_carry_its_load_is_called_too_weak(tmp_path):
     config = lifting_station(tmp_path, [{"wait": 0.5}]).model_copy()
     weak = Workcell(config)
     weak.limit_efforts("robot", {"lift": 10.0})  # 13.7 N are needed
+
     result = weak.wait(0.6)
+
     assert result["tau.lift"][-1] == pytest.approx(10.0)
     remedies = [remark.remedy.text for remark in result.verdict.remarks if remark.remedy]
     assert any("too weak to hold this" in text for text in remedies)
@@ -147,7 +158,9 @@ def test_distances_of_a_gripped_box_do_not_alarm_and_do_not_depend_on_gains(tmp_
     config = lifting_station(tmp_path, [DOWN, GRIP, UP])
     servo = config.servo.model_copy(update={"kp": {**config.servo.kp, "lift": stiffness}})
     config = config.model_copy(update={"servo": servo})
+
     down, grip, up = perform(Workcell(config), carried_program(config)).verdict.moves
+
     # The lift is at 130 mm, and the fingers end 20 + 50 + 45 mm below it.
     assert down.distance == pytest.approx(0.015, abs=1e-3)
     assert down.own_distance is None  # nothing of the robot moves relative to itself
@@ -167,7 +180,9 @@ def test_distances_of_a_gripped_box_do_not_alarm_and_do_not_depend_on_gains(tmp_
 def test_events_name_what_touches_what_and_moves_as_the_user_wrote_them(tmp_path):
     config = lifting_station(tmp_path, [DOWN, GRIP, {"wait": 0.1}])
     result = perform(Workcell(config), carried_program(config))
+
     texts = [text for _, text in all_events(result)]
+
     assert "box touches finger_left" in texts
     assert "box touches finger_right" in texts
     assert "move 1 (target_deg) ends" in texts
@@ -180,10 +195,12 @@ def test_events_name_what_touches_what_and_moves_as_the_user_wrote_them(tmp_path
 def test_captions_of_a_film_strip_do_not_run_into_each_other():
     width = 160
     image = np.full((240, width, 3), 255, dtype=np.uint8)
+
     strip = side_by_side(
         [image, image],
         ["1.00 s\nmove_abs_j of the left robot ends", "2.00 s\nbox touches finger_left"],
     )
+
     captions = np.asarray(strip)[240:].min(axis=2) < 200
     gap = captions[:, width : width + 6]  # between the two images
     assert captions[:, :width].any()

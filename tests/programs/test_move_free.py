@@ -100,8 +100,10 @@ class TestTheWay:
     def test_it_leads_around_what_a_straight_move_runs_into(self, beside):
         with pytest.raises(PathCollision):
             beside.plan.move_j(RIGHT, check="collision")
+
         result = beside.move_free(RIGHT)
         check_free(beside.cell, result)
+
         np.testing.assert_allclose(
             beside.tool_pose().GetAsMatrix4(), as_transform(RIGHT).GetAsMatrix4(), atol=1e-6
         )
@@ -109,16 +111,21 @@ class TestTheWay:
     @pytest.mark.long
     def test_the_same_seed_finds_the_same(self, beside, to_right, monkeypatch):
         again = beside.plan.move_free(RIGHT, seed=0)
+
         np.testing.assert_array_equal(to_right.stretches[0].postures, again.stretches[0].postures)
+
         # what differs is the search
         monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
         one, other = (beside.plan.move_free(RIGHT, seed=seed) for seed in (0, 1))
+
         assert one.duration != other.duration
 
     @pytest.mark.long
     def test_a_free_turn_and_a_frame_of_a_piece_will_do(self, arm):
         arm.move_free("shelf.left", free_turn=True)
+
         np.testing.assert_allclose(arm.pose()[:3], LEFT[:3], atol=1e-6)
+
         across = arm.chain.forward(arm.position)[0, :3, 2]
         np.testing.assert_allclose(across, [1, 0, 0], atol=1e-6)  # the axis that it turns about
 
@@ -127,9 +134,12 @@ class TestTheWay:
         box = PieceConfig(model="box", parent="robot", pose=(0, 0, 0.2, 0, 0, 0))
         loaded = Arm(station.model_copy(update={"pieces": {**station.pieces, "box": box}}))
         high = Arm(station).joint([0.38, 0.2, 0.4, *AHEAD])
+
         Arm(station).plan.move_free(joints=high)
+
         with pytest.raises(GoalInCollision, match=r"box would overlap shelf by"):
             loaded.plan.move_free(joints=high)
+
         low = Arm(station).joint([0.38, 0.2, 0.3, *AHEAD])
         check_free(loaded.cell, loaded.move_free(joints=low))
 
@@ -142,16 +152,20 @@ class TestTheWay:
         arm = cell.arm()
         cell.run(to_left)
         begin = arm.pose()[:3]
+
         plain, shown = to_right, arm.plan.move_free(RIGHT, show_search=True)
         assert plain.search.shape == (0, 2, 3)
+
         ends = shown.search.reshape(-1, 3)
         assert len(ends) > 10
         assert min(np.linalg.norm(ends - begin, axis=1)) < 1e-6  # where both trees begin
         assert min(np.linalg.norm(ends - RIGHT[:3], axis=1)) < 1e-6
         np.testing.assert_array_equal(shown.end, plain.end)
+
         cell.run(shown)
         page = save_recording(cell.result(), tmp_path / "recording.html").read_text()
         assert "paths that the search tried" in page
+
         drawn = (base64.b64decode(found) for found in re.findall(r"base64,([A-Za-z0-9+/=]+)", page))
         assert any(b"search/robot/1" in message for message in drawn)
 
@@ -166,8 +180,10 @@ class TestTheWay:
         arm.move_free("shelf.left", free_turn=True, seed=2, planning_time=5)
         arm.move_free(joints=HOME)
         again = Arm(station)
+
         for entry in arm.cell.tape.moves():
             again.do(entry)
+
         np.testing.assert_array_equal(again.position, arm.position)
 
 
@@ -203,21 +219,27 @@ class TestHeldByFingers:
     @pytest.mark.long
     def test_what_is_held_goes_around_a_post(self, holding):
         end = [np.deg2rad(80), *holding.position[1:]]
+
         with pytest.raises(PathCollision, match="bar would collide with post"):
             holding.plan.move_abs_j(end)
+
         plan = holding.plan.move_free(joints=end)
         looks = plan.postures(np.linspace(0, plan.duration, 500))
+
         # a search that opens the fingers drops the bar
         np.testing.assert_allclose(looks[:, 6:], 0.0095, atol=1e-6)
+
         model, bar = holding.cell.collision_model, []
         held = model.plant.GetFrameByName("left_finger")
         grip = model.pose(held).inverse() @ model.pose(model.piece_origin("bar"))
         across = np.linspace(-0.01, 0.01, 5)
         # all through the bar
         points = np.array([*product(np.linspace(-0.2, 0.2, 161), across, across)])
+
         for posture in looks:
             model.place_robots({"robot": posture})
             bar.append((model.pose(held) @ grip @ points.T).T)
+
         # of the post's sides
         beside = np.abs(np.array(bar)[..., :2] - [0.35, 0.3]).max(axis=2) - 0.02
         above = np.array(bar)[..., 2] - 0.6
@@ -230,7 +252,9 @@ class TestHeldByFingers:
     def test_what_is_carried_reaches_as_far_as_its_corners(self, holding):
         corners = holding.cell.free_space(["robot"]).carried_points("robot")
         model = holding.cell.collision_model
+
         own = model.pose(model.piece_origin("bar")).inverse() @ corners.T
+
         np.testing.assert_allclose(np.sort(own[0]), [-0.2] * 4 + [0.2] * 4, atol=1e-6)
 
     def test_a_way_is_looked_at_by_the_bar_in_the_axes_of_the_tool(self, holding, monkeypatch):
@@ -241,7 +265,9 @@ class TestHeldByFingers:
             lambda *known: (asked.append(known), metres_per_radian(*known))[1],
         )
         holding.plan.move_free(joints=[np.deg2rad(10), *holding.position[1:]])
+
         (_, corners), pose = asked[-1], holding.chain.forward(holding.position)[0]
+
         there = corners @ pose[:3, :3].T + pose[:3, 3]
         np.testing.assert_allclose(
             there, holding.cell.free_space(["robot"]).carried_points("robot"), atol=1e-6
@@ -249,6 +275,7 @@ class TestHeldByFingers:
 
     def test_looks_are_as_near_as_the_end_of_the_bar_moves(self, holding):
         tip, chain = np.array([[-0.2, 0.0, 0.0]]), holding.chain
+
         way = np.random.default_rng(0).uniform(chain.lower, chain.upper, (50, chain.size))
         for axis, most in enumerate(metres_per_radian(chain, tip)):
             poses = [chain.forward(way + turn * np.eye(chain.size)[axis]) for turn in (0.0, 1e-4)]
@@ -263,9 +290,12 @@ class TestShort:
         arm = beside
         short = arm.plan.move_free(RIGHT, profile="time_optimal")
         monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
+
         rounded = arm.plan.move_free(RIGHT, profile="time_optimal")
+
         assert short.duration < 0.95 * rounded.duration
         np.testing.assert_allclose(short.end, rounded.end)
+
         check_free(arm.cell, arm.cell.run(short))
 
     @pytest.mark.long
@@ -273,7 +303,9 @@ class TestShort:
         monkeypatch.setattr(smooth_path, "_ROUNDS", 1)
         monkeypatch.setattr(smooth_path, "_EVERY", 10.0)  # too far apart to see the shelf
         plan = beside.plan.move_free(RIGHT)
+
         monkeypatch.setattr(move_free, "find_faster_path", lambda *_: None)
+
         assert plan.duration == beside.plan.move_free(RIGHT).duration
 
     def test_the_station_that_is_optimised_in_is_as_it_is_now(self, holding):
@@ -283,15 +315,18 @@ class TestShort:
         assert not frozen.free_pieces
         assert frozen.pieces["bar"].parent == "robot"
         assert frozen.floor is None
+
         (floor,) = {*frozen.pieces} - {*model.config.pieces}
         copied = PosedStation(frozen)
         assert copied.plant.num_positions() == 8
+
         copied.place_robots({"robot": holding.reference})
         for name in ("bar", "post"):
             pose = copied.pose(copied.station.piece_frame(name, name))
             np.testing.assert_allclose(
                 pose.GetAsMatrix4(), model.pose(model.piece_origin(name)).GetAsMatrix4(), atol=1e-9
             )
+
         top = (
             copied.pose(copied.station.piece_frame(floor, floor)).translation()[2]
             + frozen.pieces[floor].box[2] / 2
@@ -306,15 +341,19 @@ class TestTogether:
         ends = {"left": [0, 60, -30, 0, 30, 0], "right": [40, 60, -30, 0, 30, 0]}
         moves = [{"move_free": {"joints_deg": end, "robot": robot}} for robot, end in ends.items()]
         result = cell.arm("left").do({"together": moves})
+
         check_free(cell, result)
+
         for robot, end in ends.items():
             np.testing.assert_allclose(np.rad2deg(cell.reference(robot)), end, atol=1e-9)
+
         again = Workcell("two_arms").arm("left").do(cell.tape.moves()[0])
         assert again.stop_time == result.stop_time
 
     def test_different_ways_to_do_it_are_refused(self):
         arm = Workcell("two_arms").arm("left")
         times = {"left": 1, "right": 2}
+
         moves = [
             {"move_free": {"joints": HOME, "robot": robot, "duration": time}}
             for robot, time in times.items()

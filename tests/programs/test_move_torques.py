@@ -42,7 +42,9 @@ def test_a_move_of_free_time_is_slowed_to_what_the_motor_gives() -> None:
     strong = limited_arm()
     needed = largest_torque(strong, free, 0)
     weak = limited_arm(joint_1=0.5 * needed)
+
     slow = planned(weak)
+
     assert slow.duration > 1.2 * free.duration
     assert largest_torque(weak, slow, 0) <= 0.5 * needed * 1.01
     # and not much slower than it must be
@@ -53,12 +55,15 @@ def test_a_move_of_free_time_is_slowed_to_what_the_motor_gives() -> None:
 def test_a_move_in_a_given_time_is_warned_about_with_the_time_that_would_do() -> None:
     strong = limited_arm()
     needed = largest_torque(strong, planned(strong, duration=1.0), 0)
+
     weak = limited_arm(joint_1=0.5 * needed)
+
     with pytest.warns(
         TorqueShortage, match=r"joint_1 would need .* lags behind; give the move a duration of"
     ) as caught:
         plan = planned(weak, duration=1.0)
     assert plan.duration == 1.0
+
     proposed = float(str(caught[0].message).rsplit("duration of ", 1)[1].split()[0])
     with warnings.catch_warnings():
         warnings.simplefilter("error", TorqueShortage)
@@ -67,10 +72,12 @@ def test_a_move_in_a_given_time_is_warned_about_with_the_time_that_would_do() ->
 
 def test_a_motor_that_cannot_hold_the_arm_refuses_the_move() -> None:
     arm = limited_arm(joint_2=1.0)
+
     with pytest.raises(
         TorqueLimitExceeded, match=r"joint_2 would need .* N·m to stay at rest there, .* 1 N·m"
     ) as refused:
         planned(arm)
+
     dynamics = arm.cell.model.rigid.dynamics(arm.name)
     assert refused.value.axis == "joint_2"
     assert abs(refused.value.torque) > 1.0

@@ -37,9 +37,12 @@ def test_move_l_keeps_to_its_line_between_the_points(kinematic, solver, points):
     result = kinematic.move_l(end_there, wobj="table", solver=solver, points=points, check=None)
     chain = kinematic.chain
     poses = chain.forward(positions_between(result))
+
     end = kinematic.frame("table") @ transform_from_pose(end_there)
+
     assert off_line(poses[:, :3, 3], start[:3], end.translation()).max() < 1e-4  # asked for
     np.testing.assert_allclose(poses[-1], end.GetAsMatrix4(), atol=1e-5)
+
     # about one axis: the parts of the turn add up
     whole = turned_by(poses[0, :3, :3], poses[-1, :3, :3])
     for pose in poses[::100]:
@@ -61,7 +64,9 @@ def test_move_c_keeps_to_its_circle_between_the_points(kinematic, points):
     offsets = poses[:, :3, 3] - arc.centre
     # over the plane of the circle
     height = offsets @ np.cross(arc.first, arc.across) / arc.radius**2
+
     away = np.hypot(height, np.sqrt((offsets**2).sum(axis=1) - height**2) - arc.radius)
+
     assert away.max() < 1e-4  # asked for
     np.testing.assert_allclose(kinematic.pose()[:3], table @ end, atol=1e-6)
     np.testing.assert_allclose(
@@ -72,11 +77,13 @@ def test_move_c_keeps_to_its_circle_between_the_points(kinematic, points):
 def test_a_circle_of_two_arcs_comes_back(kinematic):
     kinematic.move_j([0.12, 0.15, 0.02, *DOWN], wobj="table")
     start = kinematic.pose()
+
     result = kinematic.move_c(
         [[0.17, 0.2, 0.02], [0.17, 0.1, 0.02]],
         [[0.22, 0.15, 0.02], [0.12, 0.15, 0.02]],
         wobj="table",
     )
+
     np.testing.assert_allclose(kinematic.pose(), start, atol=1e-6)
     assert result.stop_time == pytest.approx(4.0)  # 20 points of 0.1 s an arc
 
@@ -87,7 +94,9 @@ def test_motion_is_smooth_and_rests_at_both_ends_and_at_corners(kinematic):
         [[0.15, 0.1, 0.02], [0.15, 0.2, 0.02]], wobj="table", times=[1.0, 2.5]
     ).trajectory
     times = np.linspace(0, 2.5, 5001)
+
     q, v, a = (trajectory.MakeDerivative(order).vector_values(times) for order in (0, 1, 2))
+
     # no jump of q
     np.testing.assert_allclose(np.gradient(q, times, axis=1)[:, 1:-1], v[:, 1:-1], atol=1e-5)
     np.testing.assert_allclose(
@@ -107,12 +116,16 @@ def test_move_abs_j_goes_through_postures_or_stops_at_each(kinematic):
         [0.2, 0.0, 0.0, 0.0, 1.5, -0.4],
     ]
     times = [1.0, 2.0, 3.5]
+
     through = kinematic.move_abs_j(rows, times=times)
+
     at = np.searchsorted(through.times, np.array(times) - 1e-9)
     np.testing.assert_allclose(through.axes("q")[at], rows, atol=1e-9)
     assert np.abs(through.axes("v")[at[0]]).max() > 0.1
+
     kinematic.move_abs_j(HOME)
     stopping = kinematic.move_abs_j(rows, times=times, stop=True)
+
     np.testing.assert_allclose(stopping.axes("q")[at], rows, atol=1e-9)
     np.testing.assert_allclose(stopping.axes("v")[at], 0, atol=1e-9)
     np.testing.assert_array_equal(kinematic.position, kinematic.reference)
@@ -122,7 +135,9 @@ def test_move_abs_j_goes_through_postures_or_stops_at_each(kinematic):
 def test_move_j_is_straight_in_the_joints_and_ends_at_the_pose(kinematic):
     target = RigidTransform(transform_from_pose([0.1, 0.35, 0.3, 0.3, 0.2, np.pi]))
     result = kinematic.move_j(target)
+
     q = result.axes("q")
+
     np.testing.assert_allclose(kinematic.chain.forward(q[-1])[0], target.GetAsMatrix4(), atol=1e-9)
     way = q[-1] - q[0]
     parts = (q - q[0]) @ way / (way @ way)
@@ -132,13 +147,18 @@ def test_move_j_is_straight_in_the_joints_and_ends_at_the_pose(kinematic):
 def test_times_come_from_points_duration_speed_or_joint_limits(kinematic):
     kinematic.move_j([0.05, 0.1, 0.05, *DOWN], wobj="table")
     plan = kinematic.plan
+
     goal = [0.15, 0.1, 0.05]
+
     assert plan.move_l(goal, wobj="table").duration == pytest.approx(1.0)  # 10 points of 0.1 s
     assert plan.move_l(goal, wobj="table", points=25).duration == pytest.approx(2.5)
     assert plan.move_l(goal, wobj="table", duration=0.7).duration == pytest.approx(0.7)
+
     result = kinematic.move_l(goal, wobj="table", speed=0.15)
     speed = np.linalg.norm(np.gradient(result.pose("tcp")[:, :3], result.times, axis=0), axis=1)
+
     assert speed.max() == pytest.approx(0.15, rel=1e-3)
+
     far = kinematic.plan.move_abs_j([2.8, 0, 0, 0, 1.5, 0], points=2)  # 0.2 s would be too fast
     ratio = (
         np.abs(
@@ -146,6 +166,7 @@ def test_times_come_from_points_duration_speed_or_joint_limits(kinematic):
         ).max()
         / 4.36332
     )
+
     assert ratio == pytest.approx(0.98, abs=0.01)
 
 
@@ -159,7 +180,9 @@ def test_work_objects_in_all_forms(kinematic, form):
         "arm": kinematic,
     }[form]
     expected = (table if form != "arm" else kinematic.frame(kinematic)) @ [0.02, 0.05, 0.01]
+
     plan = kinematic.plan.move_j([0.02, 0.05, 0.01], wobj=wobj)
+
     np.testing.assert_allclose(kinematic.chain.forward(plan.end)[0, :3, 3], expected, atol=1e-9)
     np.testing.assert_allclose(
         kinematic.pose(plan.end, wobj=wobj)[:3], [0.02, 0.05, 0.01], atol=1e-9
@@ -169,12 +192,16 @@ def test_work_objects_in_all_forms(kinematic, form):
 def test_pose_and_joint_are_inverses_in_batches(kinematic):
     random = np.random.default_rng(3)
     q = np.array(HOME) + random.uniform(-0.4, 0.4, (20, 6))
+
     poses = kinematic.pose(q, wobj="table")
     assert poses.shape == (20, 6)
+
     again = kinematic.joint(poses, wobj="table")
     np.testing.assert_allclose(kinematic.pose(again, wobj="table")[:, :3], poses[:, :3], atol=1e-8)
+
     single = kinematic.joint(poses[0], wobj="table", start=q[0])
     np.testing.assert_allclose(single, q[0], atol=1e-7)
+
     places = kinematic.joint(poses[:, :3] * 0.0 + [0.1, 0.1, 0.1], wobj="table", solver="numeric")
     np.testing.assert_allclose(
         kinematic.pose(places)[:, 3:], np.tile(kinematic.pose()[3:], (20, 1)), atol=1e-6
@@ -184,36 +211,47 @@ def test_pose_and_joint_are_inverses_in_batches(kinematic):
 def test_the_jacobian_and_the_torques_are_those_of_the_plant(kinematic):
     q, step = np.array([0.2, 0.3, -0.1, 0.4, 1.0, 0.5]), 1e-6
     jacobian = kinematic.jacobian(q)
+
     columns = [
         (kinematic.pose(q + row)[:3] - kinematic.pose(q - row)[:3]) / (2 * step)
         for row in step * np.eye(6)
     ]
+
     np.testing.assert_allclose(jacobian[:3], np.transpose(columns), atol=1e-6)
     assert kinematic.jacobian([q, q]).shape == (2, 6, 6)
+
     thirty = kinematic.inverse_dynamics(np.full(6, np.pi / 6))
     # facts of the arm with both loads
     np.testing.assert_allclose(thirty[1:3], [-20.79, -9.61], atol=0.005)
+
     result = kinematic.move_abs_j(np.full(6, np.pi / 6), duration=1.5)
     row = 75
     acceleration = np.gradient(result.axes("v"), result.times, axis=0)[row]
+
     moving = kinematic.inverse_dynamics(result.axes("q")[row], result.axes("v")[row], acceleration)
+
     np.testing.assert_allclose(moving, result.axes("tau")[row], atol=0.02)
 
 
 def test_the_tool_can_change(kinematic):
     assert kinematic.tools == ["tool0", "gripper", "load"]
+
     at_pencil = kinematic.pose()
     kinematic.tool("gripper")
     np.testing.assert_allclose(at_pencil[:3] - kinematic.pose()[:3], [0, 0, -0.148], atol=1e-12)
+
     kinematic.tool([0, 0, 0.1, 0, 0, 0.5])
     np.testing.assert_allclose(at_pencil[:3] - kinematic.pose()[:3], [0, 0, -0.048], atol=1e-12)
+
     result = kinematic.move_j([0.1, 0.1, 0.1, *DOWN], wobj="table")
     goal = kinematic.frame("table") @ [0.1, 0.1, 0.1]
     # the result follows the same point
     np.testing.assert_allclose(result.pose("tcp")[-1, :3], goal, atol=1e-8)
+
     kinematic.tool("tool0")
     # facts of the arm
     assert Arm("irb120_kinematic", tool="tool0").pose()[2] == pytest.approx(0.63)
+
     kinematic.tool("link_3")  # any link, too
     kinematic.move_abs_j(np.zeros(6), check=None)
     np.testing.assert_allclose(kinematic.pose()[:3], [0, 0, 0.56], atol=1e-9)
@@ -221,6 +259,7 @@ def test_the_tool_can_change(kinematic):
 
 def test_what_is_printed_fits_a_line():
     cell = Workcell("two_arms")
+
     assert re.fullmatch(
         r"<Workcell two_arms, \w+: left \(irb120\), right \(irb120\), pieces .*>", repr(cell)
     )
@@ -228,14 +267,18 @@ def test_what_is_printed_fits_a_line():
         r"<Arm left: irb120 in two_arms, 6 axes, tool left_gripper at \S+ \S+ \S+ m, Rz Ry Rx \S+ \S+ \S+ deg>",
         str(cell.arm("left")),
     )
+
     robot = LeggedRobot("humanoid_dynamic")
     robot.insert(0, {"HomDF": 3})
+
     assert (
         str(robot)
         == "<LeggedRobot robot: humanoid in humanoid_dynamic, 18 axes, feet spheres_C, program of 1 move>"
     )
+
     robot.insert(1, {"act": "bow"})
     robot.add_reference({"HomDF": 3})
+
     assert str(robot.program) == "<Program of 2 moves: target_deg, act; 1 reference>"
     assert repr(Program()) == "<Program of 0 moves>"
 
@@ -332,7 +375,9 @@ class TestBadInput:
     def test_a_line_through_a_singular_posture(self):
         arm = self.arm
         over = arm.chain.forward(arm.position)[0]
+
         over[:2, 3] *= -1  # the other side of axis 1, the tool turned as it is
+
         with pytest.raises((BrokenPath, Unreachable), match=r"point \d+ of 10"):
             arm.move_l(over)
 
@@ -388,11 +433,13 @@ class TestBadInput:
 
 def test_a_move_to_where_the_tool_is_takes_its_time_and_turns_alone_too(kinematic):
     here = kinematic.pose()
+
     for how in ({}, {"speed": 0.1}, {"duration": 0.3}):
         result = kinematic.move_l(here, **how)
         np.testing.assert_allclose(
             result.axes("q"), np.tile(kinematic.position, (len(result.times), 1)), atol=1e-9
         )
+
     kinematic.move_l([*here[:3], *DOWN], speed=0.1)
     np.testing.assert_allclose(kinematic.pose()[:3], here[:3], atol=1e-9)
     assert np.abs(kinematic.position - np.array(HOME)).max() > 1.0
@@ -405,8 +452,11 @@ def test_a_line_on_which_the_wrist_straightens_is_passed(kinematic, solver):
     start = kinematic.pose()[:3]
     end = start + np.array([0, 0, 0.12])
     result = kinematic.move_l(end, solver=solver)
+
     q = positions_between(result)
+
     assert q[0, 4] * q[-1, 4] < 0
+
     points = kinematic.chain.forward(q)[:, :3, 3]
     assert off_line(points, start, end).max() < 1e-4
     assert np.abs(np.diff(q, axis=0)).max() < 0.01
@@ -415,7 +465,9 @@ def test_a_line_on_which_the_wrist_straightens_is_passed(kinematic, solver):
 def test_a_solver_with_weights_of_its_own(kinematic):
     place = NumericSolver(kinematic.chain, weights=[1, 1, 1, 0, 0, 0], position_tolerance=1e-8)
     before = kinematic.pose()
+
     kinematic.move_l([0.1, 0.1, 0.02, *DOWN], wobj="table", solver=place)
+
     np.testing.assert_allclose(kinematic.pose(wobj="table")[:3], [0.1, 0.1, 0.02], atol=1e-7)
     # the tool was free to turn
     assert np.linalg.norm(kinematic.pose(wobj="table")[3:] - np.array(DOWN)) > 0.01
@@ -424,10 +476,13 @@ def test_a_solver_with_weights_of_its_own(kinematic):
 
 def test_the_closed_form_is_refused_for_seven_axes_and_the_numeric_one_found():
     arm = Arm("irb120_on_belt")
+
     with pytest.raises(NoClosedForm):
         arm.move_j([0.3, 0.6, 0.4], solver="analytic")
+
     result = arm.move_l([0.0, 0.2, -0.1], wobj=arm)
     assert result.ending == "completed"
+
     far = arm.move_j([0.1, 1.6, 0.5])  # only the belt gets it there
     assert far["q.belt"][-1] > 0.5
 
@@ -435,11 +490,13 @@ def test_the_closed_form_is_refused_for_seven_axes_and_the_numeric_one_found():
 def test_the_incremental_solver_passes_a_singular_posture_only_where_it_may_stray(kinematic):
     kinematic.move_abs_j([0, 0.1, 0.2, 0, -0.15, 0])
     start = kinematic.pose()[:3]
+
     end = start + np.array([0, 0.005, 0.12])  # past the straight wrist, not through it
     with pytest.raises(Unreachable, match=r"point \d+ of 10 .* the error of the best solution is"):
         kinematic.move_l(end, solver="incremental")
     with pytest.raises(Unreachable, match=r"point \d+ of 10"):
         kinematic.move_l(end, solver=IncrementalSolver(kinematic.chain, stray=2e-4))
+
     points = kinematic.chain.forward(
         positions_between(
             kinematic.move_l(
@@ -455,12 +512,14 @@ def test_the_incremental_solver_passes_a_singular_posture_only_where_it_may_stra
 class TestCollisions:
     def test_a_move_into_the_table_names_the_first_point(self, kinematic):
         kinematic.move_j([0.1, 0.15, 0.05, *DOWN], wobj="table")
+
         with pytest.raises(
             PathCollision, match=r"point \d+ of 10 .*: load would collide with table, .* mm deep"
         ) as caught:
             kinematic.move_l([0.1, 0.15, -0.05], wobj="table", check="collision")
         assert 5 <= caught.value.point <= 7  # the tip meets the surface half-way
         assert 1e-3 < caught.value.depth < 0.02
+
         kinematic.move_l([0.1, 0.15, 0.001], wobj="table", check="collision")
 
     def test_what_touches_at_the_beginning_does_not_count(self, kinematic):
@@ -502,6 +561,7 @@ class TestCollisions:
     def test_moves_at_once_are_checked_against_each_other(self, into_the_middle):
         cell, to_middle = into_the_middle
         plans = to_middle("left"), to_middle("right")
+
         with pytest.raises(
             PathCollision,
             match=r"point \d+ of 10 .*: (left|right).* would collide with (left|right).*",
@@ -522,7 +582,9 @@ class TestCollisions:
     def test_an_arm_that_came_after_the_plan_was_made_is_seen(self, into_the_middle):
         cell, to_middle = into_the_middle
         plan, right = to_middle("left"), cell.arm("right")
+
         right.move_l([0.0, 0.0, 0.35])
+
         for _ in range(2):
             with pytest.raises(PathCollision, match=r"left.* would collide with right"):
                 cell.run(plan)

@@ -27,6 +27,7 @@ def arm_of(robot: str, mode: str = "kinematic") -> Arm:
 @pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
 def test_a_move_into_the_arm_itself_is_refused(mode):
     arm = arm_of("ur5", mode)
+
     with pytest.raises(PathCollision, match=r"link_1 would collide with link_4, .* mm deep") as hit:
         arm.move_abs_j(FOLDED)
     assert hit.value.bodies == ("link_1", "link_4")
@@ -41,7 +42,9 @@ def test_a_move_into_the_arm_itself_is_refused(mode):
 def test_poses_lead_into_the_arm_no_more_than_postures():
     arm = arm_of("ur5")
     pose = arm.pose(FOLDED)
+
     arm.move_abs_j(FOLDED + np.deg2rad([0, 0, -25, 0, 0, 0]))
+
     for move in (arm.plan.move_j, arm.plan.move_l):
         with pytest.raises(PathCollision, match="link_1 would collide with link_4"):
             move(pose)
@@ -50,11 +53,14 @@ def test_poses_lead_into_the_arm_no_more_than_postures():
 def test_without_the_check_the_verdict_has_the_depth_and_a_free_move_its_distance():
     arm = arm_of("ur5")
     free = arm.move_abs_j(FOLDED + np.deg2rad([0, 0, -25, 0, 0, 0])).verdict.moves[0]
+
     assert free.own_distance > 0.0
+
     folded = arm.move_abs_j(FOLDED, check=None).verdict.moves[0]
     assert folded.own_distance < -0.03
     assert folded.own_nearest == "link_1 to link_4"
     assert folded.summary()["own_distance"] == folded.own_distance
+
     # The way out is no deeper than the start, so it is free.
     out = arm.move_abs_j(FOLDED + np.deg2rad([0, 0, -25, 0, 0, 0]))
     assert out.ending == "completed"
@@ -64,7 +70,9 @@ def test_a_recorded_move_without_the_check_is_written_so_that_it_runs_again():
     arm = arm_of("ur5")
     arm.record()
     arm.move_abs_j(FOLDED, check=None)
+
     (move,) = arm.cell.tape.moves()
+
     assert move["move_abs_j"]["check"] == "limits"
 
 
@@ -74,18 +82,23 @@ def test_programs_in_files_are_refused(tmp_path, capsys):
     station = {"name": "alone", "mode": "kinematic", "robot": {"model": "ur5"}}
     (tmp_path / "station.yaml").write_text(json.dumps(station))
     moves = [{"move_abs_j": {"targets_deg": FOLDED_DEG}}]
+
     file.write_text(json.dumps({"station": "station.yaml", "moves": moves}))
+
     out = ["--out", str(tmp_path / "run"), "--no-recording"]
     assert run_command(["run", str(file), *out]) == 2
     assert "link_1 would collide with link_4" in capsys.readouterr().err
+
     moves[0]["move_abs_j"]["check"] = None
     file.write_text(json.dumps({"station": "station.yaml", "moves": moves}))
+
     assert run_command(["run", str(file), *out]) == 0
 
 
 def test_the_check_of_a_station_names_a_reference_that_leads_into_the_arm():
     reference = {"kind": "move", "target_deg": FOLDED_DEG, "duration": 2.0}
     findings = check_station(bare_station("ur5", {"reference": reference}))
+
     (found,) = [finding for finding in findings if finding.subject == "links of robot"]
     assert found.level == "warning"
     assert "link_1 and link_4 overlap" in found.text
@@ -108,6 +121,7 @@ def goal_collides(arm: Arm, posture: np.ndarray) -> bool:
 def test_ordinary_moves_and_moves_around_obstacles_agree_on_what_collides(robot):
     arm = arm_of(robot)
     model = arm.cell.robot("robot").model
+
     lower, upper = np.clip(model.axis_limits, -np.pi, np.pi)
     random = np.random.default_rng(52)
     for posture in random.uniform(lower, upper, (20, len(lower))):

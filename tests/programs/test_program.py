@@ -43,6 +43,7 @@ def damaged(tmp_path, text):
 class TestChanges:
     def test_each_gives_another_program(self):
         knee = move_of({"RodD": 5}, 1)
+
         assert [move.duration for move in WAVE.moves] == [1.0, 0.5, 2.0]
         assert WAVE.duration == 3.5
         assert WAVE.without_move(1).moves == (WAVE.moves[0], WAVE.moves[2])
@@ -74,6 +75,7 @@ class TestChanges:
 class TestFiles:
     def test_it_comes_back_as_it_went(self, tmp_path):
         file = WAVE.save(tmp_path / "wave.yaml")
+
         assert Program.load(file) == WAVE
         assert WAVE.without_move(0).save(file) == file  # in place of the old one
         assert Program.load(file) == WAVE.without_move(0)
@@ -84,7 +86,9 @@ class TestFiles:
         other.parent.mkdir()
         other.write_text("another's")
         WAVE.save(tmp_path / "new" / "inner" / "wave.yaml")
+
         WAVE.save(tmp_path / "new" / "wave.yaml")
+
         assert other.read_text() == "another's"
         with pytest.raises(OutputError, match="cannot be written: File exists"):
             WAVE.save(tmp_path / "new" / "wave.yaml" / "wave.yaml")
@@ -125,9 +129,12 @@ class TestOnARobot:
         """Of the thesis's signs (annex, p. 128): both arms forward is +HomDF and +HomIF, each in its joint's sense."""
         model = load_robot("humanoid")
         start = np.linspace(-0.1, 0.1, 18)
+
         times, postures = postures_of(model, WAVE.moves, start)
+
         np.testing.assert_allclose(times, [0, 1, 1.5, 3.5])
         np.testing.assert_array_equal(postures[0], start)
+
         expected = start.copy()
         expected[model.axis_index("right_shoulder_roll")] = np.deg2rad(120)
         np.testing.assert_allclose(postures[1], expected)
@@ -146,7 +153,9 @@ class TestOnARobot:
     def test_a_limit_tells_by_how_much(self):
         model = load_robot("humanoid")
         _, upper = np.rad2deg(model.axis_limits)
+
         knee = model.axis_index("left_knee")
+
         with pytest.raises(JointLimitExceeded) as problem:
             postures_of(
                 model,

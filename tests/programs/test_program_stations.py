@@ -30,6 +30,7 @@ def test_ports_carry_every_tool(name):
 @pytest.mark.parametrize("mode", ["kinematic", "dynamic"])
 def test_a_station_runs_in_both_modes(name, mode):
     result = simulate(load_station(name, {"mode": mode}))
+
     assert result.ending == "completed"
     assert result.stop_time == 1.0
     for robot in result.plant.robots:
@@ -58,6 +59,7 @@ class TestWorkcell:
 
     def test_the_pencil_is_where_the_facts_have_it(self):
         arm = self.cell.arm(tool="pencil")
+
         np.testing.assert_allclose(arm.position, HOME, atol=1e-12)
         np.testing.assert_allclose(arm.pose()[:3], [0.302, 0, 0.340], atol=1e-12)
         np.testing.assert_allclose(np.rad2deg(np.abs(arm.pose()[3:])), [90, 0, 180], atol=1e-9)
@@ -72,7 +74,9 @@ class TestOnTheBelt:
     def test_the_belt_carries_it(self):
         arm = Arm("irb120_on_belt", tool="tool0")
         before = arm.pose()
+
         result = arm.move_abs_j([1.5, *HOME])  # m, then rad
+
         np.testing.assert_allclose(arm.pose()[:3] - before[:3], [0, 1.5, 0], atol=1e-9)
         force = result["tau.belt"]
         assert np.abs(force).max() > 10  # N, to speed 19 kg up
@@ -85,7 +89,9 @@ class TestOnTheBelt:
         script = tmp_path / "irb120_on_belt" / "make_urdf.py"
         (script.parent / "irb120_on_belt.urdf").unlink()
         subprocess.run([sys.executable, script], check=True)
+
         kept = models_root() / "irb120_on_belt" / "irb120_on_belt.urdf"
+
         assert (script.parent / kept.name).read_bytes() == kept.read_bytes(), "run make_urdf.py"
 
 
@@ -93,11 +99,14 @@ def test_the_belt_brings_its_rook():
     cell = Workcell("belt_pick")
     belt, arm = cell.arm("belt"), cell.arm("arm")
     before = cell.frame("rook")
+
     belt.move_abs_j([0.5])
+
     np.testing.assert_allclose(
         cell.frame("rook").translation() - before.translation(), [0, 0.5, 0], atol=1e-12
     )
     # it stands
     np.testing.assert_allclose(cell.frame("rook").rotation().matrix(), np.eye(3), atol=1e-12)
+
     arm.move_j([0, 0, 0.1, *DOWN], wobj="rook")
     np.testing.assert_allclose(arm.pose(wobj="rook")[:3], [0, 0, 0.1], atol=1e-9)

@@ -32,10 +32,13 @@ def test_the_schema_file_is_up_to_date(name: str) -> None:
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(models_root())))
 def test_a_file_names_its_schema_and_keeps_to_it(file: Path) -> None:
     mark, _, schema = file.read_text().partition("\n")[0].partition("$schema=")
+
     assert mark == "# yaml-language-server: "
     assert (file.parent / schema).resolve() == models_root() / f"{file.stem}.schema.json"
+
     LOADERS[file.stem](file)
     known, content = model_schemas()[f"{file.stem}.schema.json"], read_yaml(file)
+
     assert set(known["required"]) <= set(content) <= set(known["properties"])
 
 
@@ -56,9 +59,11 @@ def test_a_program_keeps_to_the_schema(file: Path) -> None:
 def test_every_key_is_explained(name: str) -> None:
     schema = model_schemas()[name]
     sections = {"": schema, **schema["$defs"]}
+
     sections = {
         where: next(iter(section.get("anyOf", [section]))) for where, section in sections.items()
     }
+
     keys = {
         f"{where}.{key}": entry
         for where, section in sections.items()
@@ -72,6 +77,7 @@ def test_every_key_is_explained(name: str) -> None:
 
 def test_a_robot_has_a_urdf_with_root_and_axes_or_a_table() -> None:
     robot = model_schemas()["robot.schema.json"]
+
     assert robot["oneOf"] == [{"required": ["urdf", "root", "axes"]}, {"required": ["dh"]}]
     assert {branch["type"] for branch in robot["properties"]["axes"]["anyOf"]} == {
         "object",

@@ -30,6 +30,7 @@ def station(tmp_path: Path) -> Path:
 def test_it_does_its_program_in_place_of_its_reference(station: Path) -> None:
     config = load_station(station)
     whole = run_whole(config)
+
     assert whole.stop_time == pytest.approx(0.3)
     assert whole["q.joint_1"][-1] == pytest.approx(TURNED)
     assert simulate(config, duration=0.1)["q.joint_1"].max() == 0  # the station alone
@@ -39,8 +40,11 @@ def test_it_does_its_program_in_place_of_its_reference(station: Path) -> None:
 def test_a_file_may_hold_it_and_is_carried_with_the_station(station: Path, tmp_path: Path) -> None:
     (tmp_path / "own.yaml").write_text(yaml.safe_dump({"station": "irb120_kinematic", **TURN}))
     station.write_text(yaml.safe_dump({**STATION, "program": "own.yaml"}))
+
     config = load_station(station)
+
     assert config.program == TURN
+
     (tmp_path / "again.yaml").write_text(station_yaml(config))
     assert load_station(tmp_path / "again.yaml", {"name": config.name}) == config
 
@@ -51,9 +55,12 @@ def test_paths_of_its_changes_start_at_its_file_and_stay_in_the_package(
     (tmp_path / "inner").mkdir()
     change = {"at": 0.1, "set": {"start": "start.json"}}
     (tmp_path / "inner" / "own.yaml").write_text(yaml.safe_dump({**TURN, "changes": [change]}))
+
     config = load_station(station, {"program": str(tmp_path / "inner" / "own.yaml")})
+
     assert config.program is not None
     assert config.program["changes"][0]["set"]["start"] == str(tmp_path / "inner" / "start.json")
+
     station.write_text(yaml.safe_dump({**STATION, "program": "/etc/hostname.yaml"}))
     with pytest.raises(
         SimrobError, match=r"program: /etc/hostname\.yaml is outside the allowed folders"
@@ -63,9 +70,12 @@ def test_paths_of_its_changes_start_at_its_file_and_stay_in_the_package(
 
 def test_overrides_change_it_replace_it_and_leave_it_out(station: Path, tmp_path: Path) -> None:
     changed = run_whole(load_station(station, {"program.moves.0.duration": 0.2}))
+
     assert changed.stop_time == pytest.approx(0.2)
+
     (tmp_path / "other.yaml").write_text(yaml.safe_dump({"moves": [{"wait": 0.1}]}))
     other = carried_program(load_station(station, {"program": str(tmp_path / "other.yaml")}))
+
     assert other is not None
     assert [move.key for move in other.moves] == ["wait"]
     assert carried_program(load_station(station, {"program": None})) is None
@@ -80,6 +90,7 @@ def test_the_command_line_runs_and_checks_it(
     station: Path, tmp_path: Path, capsys, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
+
     assert run_command(["check", str(station)]) == 0
     assert "1 entries can be done, in 0.3 s" in capsys.readouterr().out
     assert run_command(["run", str(station), "--no-recording", "--out", "r"]) == 0

@@ -102,6 +102,7 @@ def test_a_speed_is_the_most_of_the_tool(kinematic):
     places = kinematic.chain.forward(plan.postures(times := np.linspace(0, plan.duration, 2000)))[
         :, :3, 3
     ]
+
     speeds = np.linalg.norm(np.diff(places, axis=0), axis=1) / np.diff(times)
     assert 0.28 < speeds.max() < 0.303
 
@@ -115,8 +116,11 @@ def test_around_obstacles_for_two_and_when_nothing_moves():
         for name, end in ends.items()
     ]
     slow = [{"move_free": {"joints_deg": end, "robot": name}} for name, end in ends.items()]
+
     quick = cell.arm("left").do({"together": moves}).stop_time
+
     assert quick < Workcell("two_arms").arm("left").do({"together": slow}).stop_time
+
     arm = cell.arm("left")
     assert arm.move_abs_j(arm.reference, profile="time_optimal").stop_time == pytest.approx(0.01)
 
@@ -148,9 +152,11 @@ def test_limits_of_jerk_are_kept_and_used(kinematic, target):
     robot = kinematic.cell.robot(kinematic.name).model
     times = np.linspace(0, plan.duration, 2000)
     limits = robot.speed_limits, robot.accelerations, robot.jerks
+
     rates = [
         plan.trajectory.MakeDerivative(order).vector_values(times.tolist()).T for order in (1, 2, 3)
     ]
+
     shares = [float(np.abs(rows / limit).max()) for rows, limit in zip(rates, limits, strict=True)]
     assert max(shares) == pytest.approx(1.0, abs=2e-3)
     np.testing.assert_allclose([rows[[0, -1]] for rows in rates[:2]], 0.0, atol=1e-6)
@@ -168,6 +174,7 @@ def test_what_limits_jerk_knows_no_curved_ways_and_needs_all_limits(kinematic, t
             match=f"{key}: profile='jerk_limited' takes the least time; leave it out",
         ):
             kinematic.plan.move_abs_j(FAR, profile="jerk_limited", **{key: 1})
+
     arm = own_arm(tmp_path, jerk_deg=None)
     with pytest.raises(
         InvalidParameter,
@@ -178,15 +185,19 @@ def test_what_limits_jerk_knows_no_curved_ways_and_needs_all_limits(kinematic, t
 
 def test_a_tool_is_no_faster_than_it_is_rated_for(tmp_path):
     arm = own_arm(tmp_path, tcp_speed=0.5)
+
     with pytest.raises(
         SpeedLimitExceeded,
         match=r"the tool would move at .* m/s, beyond its rated speed of 0\.5 m/s",
     ) as caught:
         arm.move_abs_j(FAR, duration=1.0)
+
     slower = arm.plan.move_abs_j(FAR, duration=caught.value.duration)
     places = arm.chain.forward(slower.postures(times := np.linspace(0, slower.duration, 3000)))
+
     speeds = np.linalg.norm(np.diff(places[:, :3, 3], axis=0), axis=1) / times[1]
     assert 0.45 < speeds.max() <= 0.5
+
     fast = arm.move_abs_j(FAR, duration=1.0, check="nothing")
     assert any("of its rated speed" in warning for warning in fast.warnings)
 
@@ -194,10 +205,13 @@ def test_a_tool_is_no_faster_than_it_is_rated_for(tmp_path):
 def test_postures_have_names(tmp_path):
     arm = own_arm(tmp_path, postures={"ready": {"joint_2": 20, "joint_5": 60}})
     arm.move_abs_j([0.5, 0, 0, 0, 1.0, 0])
+
     arm.move_abs_j("ready")
+
     np.testing.assert_allclose(
         arm.reference, [0.5, np.deg2rad(20), 0, 0, np.deg2rad(60), 0], atol=1e-9
     )
+
     arm.do({"move_free": {"joints": "home"}})
     np.testing.assert_allclose(arm.reference, np.deg2rad([0, 0, 0, 0, 90, 0]), atol=1e-9)
     with pytest.raises(UnknownName, match="no posture of irb120 'redy'; did you mean 'ready'"):

@@ -104,7 +104,9 @@ def test_a_command_by_hand_holds_from_after_its_moment_on_whenever_the_run_began
     rows = [[0, 0.1, 0, 10], [0.5, 0.2, 0, 0]]
     line = Timeline(changes=[Change.model_validate({"time": 1.0, "drive": {"commands": rows}})])
     line.now = 0.9
+
     hand = line.walk_drivers(load_station("roid1_walking"))["walk"]
+
     assert hand(0.1) is None
     assert hand(0.11) == hand(0.6) == pytest.approx((0.1, 0.0, np.deg2rad(10)))
     assert hand(0.61) == (0.2, 0.0, 0.0)
@@ -132,7 +134,9 @@ def test_settings_of_the_station_reach_the_servos_that_a_gait_sets() -> None:
     robot = LeggedRobot("humanoid_dynamic")
     moves, change = [{"walk": {"steps": 1}}], {"time": 0.5, "set": {"servo.kp": 7}}
     robot.run(Program.model_validate({"moves": moves, "changes": [change]}))
+
     gains = [run.config.servo_of("robot").kp for run in robot.result().runs[0].runs]
+
     assert gains[0] != 7
     assert gains[1:] == [7.0] * len(gains[1:])
 
@@ -147,7 +151,9 @@ def test_references_of_the_station_go_on_across_a_change() -> None:
         {"moves": [{"play": 1.0}], "changes": [{"time": 0.4, "set": {"sample_rate": 100}}]},
     )
     result = cell.perform(Program.model_validate(cut))
+
     plain = Workcell(station).play(1.0)
+
     np.testing.assert_allclose(
         result["q.joint_1"], np.interp(result.times, plain.times, plain["q.joint_1"]), atol=1e-4
     )
@@ -198,7 +204,9 @@ def test_what_cannot_happen_is_told(changes: list[dict[str, Any]], told: str) ->
 def test_a_program_whose_changes_are_wrong_leaves_the_station_as_it_was() -> None:
     cell = Workcell(load_station("irb120_dynamic"))
     before = (cell.timeline, cell.strict)
+
     wrong = Change.model_validate({"time": 0.2, "set": {"servo.nothing": 1}})
+
     with pytest.raises(SimrobError), following(cell, GRID, (wrong,), strict=True):
         pass
     assert (cell.timeline, cell.strict) == before

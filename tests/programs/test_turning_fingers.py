@@ -31,6 +31,7 @@ def station(tmp_path_factory):
 def test_the_stroke_is_that_of_its_cranks(station):
     """Four axes that turn as one by q: 4 t dq = 2 F ds, where each face goes inward by ds = CRANK cos q dq."""
     robot = robot_from_file(station.parent / "gantry.urdf")
+
     stroke = stroke_of(robot)
     cranks = 0.6 * (1 - np.linspace(0, 1, len(stroke.gaps)))
     np.testing.assert_allclose(stroke.gaps, 2 * (HINGE - FACE - CRANK * np.sin(cranks)), atol=1e-5)
@@ -50,6 +51,7 @@ def test_a_width_is_how_far_the_faces_are_apart(station):
         )
     )
     arm.open(width=SIDE)
+
     np.testing.assert_allclose(arm.position[2:], np.array([1, -1, -1, 1]) * AT_CUBE, atol=1e-4)
     with pytest.raises(
         SimrobError,
@@ -67,10 +69,14 @@ def test_a_force_is_that_of_each_finger_as_coulomb_says(station, part, holds):
     cell = Workcell(load_station(station, CUBE))
     arm = cell.arm()
     arm.move_abs_j([0, DOWN])
+
     gripped = arm.grip(force=part * critical)
+
     assert arm.position[2] == pytest.approx(AT_CUBE, abs=0.01)
+
     raised = arm.move_abs_j([0, DOWN - 0.03], duration=1.5)
     lifted = cell.frame("cube").translation()[2] - SIDE / 2
+
     assert gripped.ending == raised.ending == "completed"
     if holds:
         assert lifted == pytest.approx(0.03, abs=0.01)
@@ -98,7 +104,9 @@ def test_a_joint_that_follows_may_go_where_that_takes_it(tmp_path):
     """Published hands have pads whose limits have the wrong sign for the factor by which they follow."""
     file = tmp_path / "gantry.urdf"
     file.write_text(gantry(*linkage(pad_limits=(0.0, 0.6))))
+
     robot = robot_from_file(file)
+
     places = [list(robot.axes).index(name) for name in ("left_pin", "right_pin")]
     np.testing.assert_allclose(
         np.transpose(robot.axis_limits)[places], [[-0.6, 0.6], [0, 0.6]], atol=1e-9
@@ -115,10 +123,13 @@ def test_fingers_that_turn_and_have_no_shapes_are_refused_a_force_but_close(tmp_
                            high=high, more=more))  # fmt: skip
     (tmp_path / "gantry.urdf").write_text(gantry(*sides))
     (tmp_path / "station.yaml").write_text(draft_station(tmp_path / "gantry.urdf", folder=tmp_path))
+
     arm = Arm(load_station(tmp_path / "station.yaml"))
+
     with pytest.raises(
         SimrobError, match="the shapes of the fingers of gantry do not determine where they meet"
     ):
         arm.grip(force=10)
+
     arm.grip()
     assert arm.position[2] == pytest.approx(0.6, abs=0.02)

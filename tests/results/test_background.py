@@ -68,6 +68,8 @@ except KeyError:
 def test_work_is_done_after_the_body_where_no_copy_can_be_made(monkeypatch):
     monkeypatch.setattr(files, "_can_copy_process", lambda: False)
     order = []
+
     with files.in_background(lambda: order.append("work")):
         order.append("body")
+
     assert order == ["body", "work"]

@@ -103,6 +103,7 @@ def chain_urdf(folder: Path, joints: int) -> Path:
 @pytest.mark.parametrize("name", station_names())
 def test_the_committed_picture_is_the_present_one(name: str) -> None:
     file = diagrams_root() / f"{name}.svg"
+
     renew = f"{file.name} is not the station's picture; renew: python -m simrob_drake.results.block_diagram.picture"
     assert file.is_file(), renew
     assert file.read_text(encoding="utf-8") == station_svg(load_station(name)), renew
@@ -119,12 +120,15 @@ def variant(request: pytest.FixtureRequest) -> Variant:
 def test_every_system_that_is_no_plumbing_is_drawn(variant: Variant) -> None:
     _, diagram, graph = variant
     systems = diagram.GetSystems()
+
     drawn = [system for block in graph.blocks.values() for system in block.systems]
     assert len(drawn) == len(set(drawn))
+
     missing = {system.get_name() for system in systems if not isinstance(system, PLUMBING)} - set(
         drawn
     )
     multiplexed_forces = {"external_forces"}  # adds the robots' forces up for the plant's port
+
     assert missing <= multiplexed_forces
     assert set(drawn) <= {system.get_name() for system in systems}
     assert not [key for key, block in graph.blocks.items() if block.role == "own"]
@@ -133,13 +137,16 @@ def test_every_system_that_is_no_plumbing_is_drawn(variant: Variant) -> None:
 def test_texts_are_the_same_every_time_and_name_every_block(variant: Variant) -> None:
     config, _, graph = variant
     dot, mermaid = dot_text(graph), mermaid_text(graph)
+
     assert dot == station_dot(config)
+
     ports = {
         key: block
         for key, block in graph.blocks.items()
         if block.role == "sensor" and block.shape == "port"
     }
     groups = {(block.robot, *graph.sources(key)) for key, block in ports.items()}
+
     assert len(re.findall("tooltip=", dot)) == len(graph.blocks) - len(ports) + len(groups)
     for block in graph.blocks.values():
         assert block.text.replace("\n", "\\n") in dot
@@ -151,8 +158,10 @@ def test_every_arrow_of_the_picture_is_a_way_in_the_diagram(
 ) -> None:
     _, diagram, graph = variant
     onward: dict[str, set[str]] = {}
+
     for (target, _), (source, _) in diagram.connection_map().items():
         onward.setdefault(source.get_name(), set()).add(target.get_name())
+
     for source, target in graph.arrows:
         starts, ends = graph.blocks[source].systems, graph.blocks[target].systems
         if not starts or not ends:
@@ -170,7 +179,9 @@ def test_no_line_runs_through_a_word_or_a_block(variant: Variant) -> None:
     (frame,) = ET.fromstring(Drawing(variant[2]).svg()).findall(f"{svg}g")
     blocks = [outline(node.find(f"{svg}path")) for node in frame.findall(f"{svg}g")]
     lines = [ends(line) for line in frame.findall(f"{svg}path") if line.get("fill") == "none"]
+
     words = [box(text) for text in frame.findall(f"{svg}text")]
+
     assert len(blocks) == len(variant[2].blocks)
     for (left, top), (right, bottom) in [*words, *blocks]:
         for (x, y), (end, low) in lines:
@@ -235,6 +246,7 @@ def test_integral_parts_are_drawn_where_there_are_some() -> None:
     graph, _ = graph_of(
         load_station("double_pendulum", {"servo.ki": {"joint_2": 5}, "servo.integral_limit": 20})
     )
+
     assert label_of(graph, "joint_2.integrator") == "joint_2: I\nki 5, ±20 N·m"
     assert ("joint_2.integral", "joint_2.pd") in graph.arrows
     assert not any(key.startswith("joint_1.integr") for key in graph.blocks)
@@ -242,6 +254,7 @@ def test_integral_parts_are_drawn_where_there_are_some() -> None:
 
 def test_the_feedback_closes_the_loop_of_every_joint() -> None:
     graph, _ = graph_of(load_station("irb120_dynamic"))
+
     assert graph.arrows["plant", "joint_signals"] == ["q", "v"]
     assert graph.arrows["reference_source", "joint_signals"] == ["q_ref"]
     assert graph.arrows["torque", "plant"] == ["τ"]
@@ -258,6 +271,7 @@ def test_each_realization_has_its_own_structure() -> None:
             [b for b in graph.blocks.values() if b.role == "servo" and b.label],
             graph,
         )
+
     labels = {
         name: [block.label.split("\n")[0] for block in blocks]
         for name, (blocks, _) in drawn.items()
@@ -278,6 +292,7 @@ def test_each_realization_has_its_own_structure() -> None:
 
 def test_a_loop_shows_what_it_does_at_each_sample() -> None:
     graph, _ = graph_of(load_station("zjudancer_walking"))
+
     steps = [part.split("\n")[0] for part in graph.blocks["controller.walk"].inside]
     assert steps == ["Estimator", "Planner", "Legs"]
     assert graph.arrows["reference_source", "layers"] == ["q_ref", "v_ref"]
@@ -291,7 +306,9 @@ def test_a_signal_flow_is_drawn_block_by_block() -> None:
     of = {"error": {"kind": "sum", "of": [{"q_ref.joint_2": 1, "q.joint_2": -1}]}}
     of |= {"limit": {"kind": "saturation", "of": "error", "lower": -5, "upper": 5}}
     law = {"kind": "signal_flow", "blocks": of, "torque": {"joint_2": "limit"}}
+
     graph, _ = graph_of(load_station("double_pendulum", {"controllers": {"law": law}}))
+
     ends = {
         source: target
         for source, target in graph.arrows
@@ -312,9 +329,12 @@ def test_what_feeds_torques_forward_leads_to_the_servos(realization: str) -> Non
         "double_pendulum", {"servo.realization": realization, "controllers": {"law": law}}
     )
     graph, _ = graph_of(config)
+
     (servo,) = graph.targets("controller.law.torque")
+
     assert graph.blocks[servo].role == "servo"
     assert servo in graph.targets("reference_source")
+
     text = dot_text(graph)
     assert f'"controller.law.torque" -> "{servo}"' in text
     assert f'"reference_source" -> "{servo}"' in text
@@ -324,7 +344,9 @@ def test_of_many_joints_the_first_and_the_last_are_drawn(tmp_path: Path) -> None
     station = tmp_path / "chain.yaml"
     station.write_text(f"robot: {{urdf: {chain_urdf(tmp_path, 12).name}}}\n", encoding="utf-8")
     config = load_station(station)
+
     graph, _ = graph_of(config)
+
     labels = [
         block.label for block in graph.blocks.values() if block.role == "servo" and block.label
     ]
@@ -341,6 +363,7 @@ def test_of_many_joints_the_first_and_the_last_are_drawn(tmp_path: Path) -> None
 
 def test_a_kinematic_station_shows_motion_that_becomes_torque() -> None:
     graph, _ = graph_of(load_station("irb120_kinematic"))
+
     assert graph.arrows["reference_source", "inverse_dynamics"] == ["q", "v", "a"]
     assert graph.arrows["inverse_dynamics", "output torque"] == ["τ"]
     assert graph.arrows["geometry_poses", "scene_graph"] == ["poses"]
@@ -359,6 +382,7 @@ def test_several_robots_share_one_plant() -> None:
 def test_every_output_of_the_station_is_drawn() -> None:
     closed = closed_station(resolve(load_station("irb120_dynamic")))
     ports, graph = closed.ports, read_blocks(closed.diagram, closed.ports)
+
     shown = {
         name for b in graph.blocks.values() if b.shape == "port" for name in b.label.split(" = ")
     }
@@ -370,7 +394,9 @@ def test_a_users_own_block_has_a_cluster_of_its_own() -> None:
     ports = add_station(builder, load_station("double_pendulum"))
     mine = builder.AddNamedSystem("my_controller", PidController([1.0], [0.0], [1.0]))
     builder.Connect(ports.outputs["position"], mine.get_input_port_estimated_state())
+
     graph = read_blocks(builder.Build(), ports)
+
     assert graph.blocks["my_controller"].role == "own"
     assert graph.arrows["plant", "my_controller"] == ["q"]
     assert "my_controller\\nPidController" in dot_text(graph)
@@ -379,6 +405,7 @@ def test_a_users_own_block_has_a_cluster_of_its_own() -> None:
 def test_a_station_as_one_box_shows_its_open_inputs() -> None:
     station = build_station(load_station("double_pendulum"))
     graph = read_blocks(station, station.ports)
+
     assert graph.blocks["input reference"].shape == "port"
     assert graph.arrows["input reference", "joint_signals"] == ["q_ref"]
 
@@ -411,12 +438,14 @@ def test_axes_that_slide_have_their_own_units() -> None:
         "reference": {"kind": "move", "target_deg": {"belt": 1, "joint_2": 20}},
     }
     each, _ = graph_of(load_station("irb120_on_belt", dynamic))
+
     assert label_of(each, "belt.saturation") == "Saturation\n±500 N"
     assert label_of(each, "joint_1.saturation") == "Saturation\n±150 N·m"
     assert (
         label_of(each, "stops.force") == "Joint stops\n5.73e+05 N/m, N·m/rad\n573 N·s/m, N·m·s/rad"
     )
     assert label_of(each, "reference_source") == "move to belt 1 m, joint_2\n20 deg in 1 s"
+
     together, _ = graph_of(
         load_station("irb120_on_belt", {**dynamic, "servo.realization": "vector"})
     )
@@ -424,6 +453,7 @@ def test_axes_that_slide_have_their_own_units() -> None:
         label_of(together, "servo.saturation")
         == "Saturation\n±500 N, ±150, 150, 100,\n30, 30, 15 N·m"
     )
+
     inside, _ = graph_of(
         load_station("irb120_on_belt", {**dynamic, "servo.realization": "implicit"})
     )
@@ -448,7 +478,9 @@ def test_every_kind_of_file_is_written_without_another_program(
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     config = load_station("double_pendulum")
+
     content = save_block_picture(config, str(tmp_path / f"picture{suffix}")).read_bytes()
+
     assert content.startswith(start)
     assert content == save_block_picture(config, tmp_path / f"again{suffix}").read_bytes()
 
@@ -457,6 +489,7 @@ def test_a_picture_of_pixels_shows_all_of_the_drawing(tmp_path: Path) -> None:
     # whose wires go over blocks
     file = save_block_picture(load_station("humanoid_balance"), tmp_path / "picture.png")
     drawn = np.flatnonzero((np.asarray(Image.open(file).convert("L")) < 200).any(axis=1))
+
     assert drawn[0] < 60  # the title, 30 px below the edge at two pixels each
     assert Image.open(file).height - drawn[-1] < 60  # the legend
 
@@ -477,6 +510,7 @@ def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 def test_a_loop_alone_is_drawn_with_what_it_reads_and_moves():
     drawn = loop_svg(load_station("yobotics_terrain"), "touchdown")
     titles = re.findall(r"<title>(.*?)</title>", drawn)
+
     feet = {f"sensor.{foot}" for foot in ("rear_left", "front_left", "rear_right", "front_right")}
     assert {*titles} == {"controller.touchdown", "plant", "layers", *feet}
     with pytest.raises(SimrobError, match="did you mean 'touchdown'"):

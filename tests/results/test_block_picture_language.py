@@ -39,7 +39,9 @@ def labels_of(name: str) -> list[str]:
 def test_a_picture_in_spanish_has_no_english_words(name):
     set_output_language("es")
     labels = [label for label in labels_of(name) if not label.startswith(" ")]
+
     assert any("sensores y salidas" in label for label in labels)
+
     found = {label: ENGLISH.findall(NAMES.sub(" ", label)) for label in labels}
     assert {label: words for label, words in found.items() if words} == {}
 
@@ -76,7 +78,9 @@ def test_the_title_of_a_folded_subsystem_is_in_spanish():
 
 def test_the_next_picture_is_english_again():
     set_output_language("es")
+
     assert "referencia" in station_svg(load_station("double_pendulum"))
+
     set_output_language("en")
     assert "referencia" not in station_svg(load_station("double_pendulum"))
 
@@ -92,7 +96,9 @@ def test_couplings_are_described_in_spanish():
     ends = {"body": "left", "other": "right"}
     rod = Rod(kind="rod", length=0.25, **ends)
     spring = Spring(kind="spring", stiffness=1.5, **ends)
+
     gear = Gear(kind="gear", ratios={"a": 1.0, "b": -0.5})
+
     assert rod.caption() == "a rod of 0.25 m from left to right"
     assert in_language(rod.caption(), "es") == "una varilla de 0,25 m de left a right"
     assert in_language(spring.caption(), "es") == "un muelle de 1,5 N/m de left a right"

@@ -54,6 +54,7 @@ def test_a_legged_robot_is_seen_from_its_front_quarter(robot):
 
 def test_a_robot_that_stands_turned_is_seen_from_its_front_all_the_same():
     station = load_station("roid1_dynamic")
+
     pose = [*station.robots["robot"].base]
     pose[3] = np.deg2rad(70)
     assert np.rad2deg(side(plant_of("roid1_dynamic", {"robot.base": pose}))) == pytest.approx(20)
@@ -63,8 +64,10 @@ def test_a_narrow_view_of_a_wide_robot_is_from_farther_away(monkeypatch):
     cameras = []
     monkeypatch.setattr(live, "look", lambda _, camera: cameras.append(camera))
     config = load_station("yobotics_dynamic")
+
     for view in (live.StationView(lambda *_: None), live.StationView(lambda *_: None, PANE_ASPECT)):
         view.draw(config)
+
     wide, narrow = (float(np.linalg.norm(camera.eye - camera.target)) for camera in cameras)
     assert narrow == pytest.approx(WINDOW_ASPECT / PANE_ASPECT * wide, rel=0.25)
     assert narrow > 1.1 * wide
@@ -90,6 +93,7 @@ def test_the_camera_stands_still_where_a_robot_stays():
 def test_the_camera_goes_with_the_robot_but_does_not_sway(walked):
     way = walked_displacement(walked)(walked.times)
     base = walked.pose("base")[:, :3]
+
     assert np.abs(way - (base - base[0]))[:, :2].max() < 0.06
     np.testing.assert_allclose(way[-1, :2], (base[-1] - base[0])[:2], atol=0.01)
     np.testing.assert_array_equal(way[:, 2], 0.0)
@@ -101,6 +105,7 @@ def test_a_walking_robot_is_equally_large_in_all_frames(walked):
     images = list(
         Studio(walked, height=200).images(np.array([0.0, walked.stop_time / 2, walked.stop_time]))
     )
+
     for image in images:
         colours = image.astype(int)
         blue = np.flatnonzero((colours[:, :, 2] > colours[:, :, 0] + 60).any(axis=1))
@@ -118,6 +123,7 @@ def test_the_floor_has_lines_for_a_walk_only(walked):
         scene = ViewedStation(walked.config, path=way)
         inspector = scene.query().inspector()
         names.append({inspector.GetName(geometry) for geometry in inspector.GetAllGeometryIds()})
+
     lines = {name for name in names[1] - names[0] if "line_" in name}
     assert len(lines) == len(names[1] - names[0]) > 40
 
@@ -144,6 +150,7 @@ def test_the_strip_of_a_walk_tells_how_far_it_went(walked, tmp_path, monkeypatch
 def test_the_lines_lie_on_whole_tenths_of_the_floor_about_the_way():
     way = np.array([[0.0, 0.0, 0.0], [5.0, 0.3, 0.0]])
     lines = floor_lines(way, size=8.0)
+
     assert np.abs(lines[..., :2]).max() <= 4.0
     along_x = lines[:, 0, 0] != lines[:, 1, 0]
     for chosen, across in ((along_x, 1), (~along_x, 0)):
@@ -160,11 +167,13 @@ def test_every_fifth_line_of_a_floor_in_pictures_is_bold():
         graph, np.array([[0.0, 0.0, 0.0], [1.2, 0.3, 0.0]]), size=8.0, tilt=RigidTransform()
     )
     inspector, bold = graph.model_inspector(), []
+
     for line in inspector.GetAllGeometryIds():
         shape, pose = inspector.GetShape(line), inspector.GetPoseInFrame(line)
         across = int(shape.width() < shape.depth())
         if min(shape.width(), shape.depth()) > 0.006:
             bold.append((across, round(float(pose.translation()[1 - across]), 9)))
+
     assert {place for _, place in bold} <= {number / 2 for number in range(-3, 6)}
     assert len(bold) == len(set(bold)) > 8
 
@@ -172,6 +181,7 @@ def test_every_fifth_line_of_a_floor_in_pictures_is_bold():
 def test_the_floor_reaches_beyond_a_walk_and_is_left_where_that_is_short():
     station = load_station("zjudancer_dynamic")
     wide = with_floor_under(station, np.array([[0.0, -7.0, 0.0], [2.0, 0.0, 0.0]]))
+
     assert wide.floor.size / 2 > 7.5
     assert with_floor_under(station, np.zeros((1, 3))) == station
     assert with_floor_under(load_station("double_pendulum"), np.full((1, 3), 9.0)).floor is None
@@ -188,6 +198,7 @@ def test_the_page_of_a_walk_goes_along_with_it(walked, tmp_path):
             encoding="utf-8"
         )
     )
+
     times = np.append(np.arange(np.ceil(20 * walked.stop_time)) / 20, walked.stop_time)
     np.testing.assert_allclose(run["way"], walked_displacement(walked)(times), atol=1e-4)
     assert run["rate"] == 20.0
@@ -199,7 +210,9 @@ def test_the_page_of_a_walk_goes_along_with_it(walked, tmp_path):
 def test_the_page_of_an_arm_stands_still(tmp_path):
     result = simulate(load_station("irb120_dynamic"), duration=0.1, progress=False)
     run = told(save_recording(result, tmp_path / "arm.html").read_text(encoding="utf-8"))
+
     assert run["way"] == []
+
     corners = ViewedStation(result.config).extents_of_run(result)
     assert np.linalg.norm(corners - run["middle"], axis=1).max() <= run["radius"] + 1e-9
 
@@ -213,7 +226,9 @@ def test_a_browser_keeps_the_walking_robot_in_the_middle_until_it_is_told_not_to
         page.replace("</body>", f"{staying}</body>"), encoding="utf-8"
     )
     time = round(850 * walked.stop_time)
+
     goes_along, stays = (shown_in_browser(tmp_path, name, time) for name in ("walk", "stay"))
+
     assert goes_along == pytest.approx(0.5, abs=0.15)
     assert abs(stays - goes_along) > 0.2
 

@@ -148,6 +148,7 @@ def test_curves_stand_out_from_the_page(plate):
 
 def test_more_than_four_curves_have_lines_of_other_kinds(eyes):
     shown = looks(32)
+
     assert len(set(shown)) == 32
     assert {line for _, line in shown[:4]} == {"-"}
     for kind in {line for _, line in shown}:

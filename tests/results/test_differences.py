@@ -51,9 +51,11 @@ def test_moves_and_missing_keys_are_named_but_not_what_a_program_decides(tmp_pat
     """Moves are compared, too, and a missing key is a dash. The duration of a program and bounds are left out."""
     weak, firm = ([{"grip": {"force": force}}, {"wait": 0.5}] for force in (1.0, 20.0))
     first = saved_result(tmp_path / "a", {**station(1.0), "gravity": 9.8, "duration": 3.0}, weak)
+
     second = saved_result(
         tmp_path / "b", {**station(1.0), "duration": 4.0, "verdict": {"heat": 2}}, firm
     )
+
     assert differing_settings([first, second]) == [
         "gravity 9.8, program.moves.0.grip.force 1",
         "gravity –, program.moves.0.grip.force 20",
@@ -97,9 +99,12 @@ def test_a_long_legend_stays_inside_of_a_narrow_figure(tmp_path):
         saved_result(parent / name, station(kp)) for name, kp in (("a", 14000.0), ("b", 1500.0))
     ]
     figure = overlay_figure(read_results(folders), ["q.lift"])
+
     save_figure(figure, tmp_path / "plot.png")
+
     (legend,) = figure.legends
     assert "servo.kp.lift 14000" in " ".join(legend.get_texts()[0].get_text().split())
+
     box = legend.get_window_extent()
     assert box.x0 >= -1
     assert box.x1 <= figure.bbox.x1 + 1
@@ -113,5 +118,7 @@ def test_a_long_title_stays_inside_of_a_narrow_figure(tmp_path, with_curve):
     if with_curve:
         frames[0, 0].plot(np.arange(3), np.arange(3), label="curve")
     save_figure(figure, tmp_path / "plot.png")
+
     title = figure.legends[0].get_title() if with_curve else figure._suptitle
+
     assert title.get_window_extent().x1 <= figure.bbox.x1 + 1

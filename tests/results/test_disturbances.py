@@ -31,6 +31,7 @@ def fall():
 def test_a_fall_in_a_program_names_the_push_and_its_time(fall):
     """The end of the run names the push before the fall, and the time between both, in English and Spanish."""
     after = fall.stop_time - 1.0
+
     assert 0.1 < after < 0.3
     assert fall.end_in_words == FALL.format(
         at=f"{fall.stop_time:.4g}", after=f"{after:.2f}", size=60
@@ -40,6 +41,7 @@ def test_a_fall_in_a_program_names_the_push_and_its_time(fall):
         verdict.remarks[0].text.startswith("Stopped because robot fell")
         or fall.end_in_words in verdict.sentence
     )
+
     spanish = in_language(fall.end_in_words, "es")
     assert f"{after:.2f} s después de un empujón de 60 N a robot".replace(".", ",") in spanish
 
@@ -58,6 +60,7 @@ def test_a_fall_in_a_single_run_names_the_last_push_that_had_begun():
         "too_late": {"start": 3.0, "force": [5.0, 0, 0]},
     }
     run = simulate("humanoid_dynamic", duration=3.5, pushes=pushes)
+
     assert run.stopped_by == "fall"
     assert run.end_in_words.endswith(
         f", {run.stop_time - 0.2:.2f} s after the push of 60 N on robot"
@@ -68,10 +71,14 @@ def test_a_push_long_before_a_fall_is_not_named(fall):
     """A push more than `LONGEST_FALL` before the end is most likely not the cause."""
     part = fall.runs[0].runs[1]
     early = Push(kind="push", start=0.0, force=(60.0, 0.0, 0.0))
+
     pushed = replace(part, config=part.config.model_copy(update={"forces": {"early": early}}))
+
     assert "after the push" in pushed.end_in_words
+
     late = replace(pushed, times=pushed.times + 0.0)
     late.times[-1] = 5.1
+
     assert "after the push" not in late.end_in_words
 
 
@@ -102,6 +109,7 @@ def test_the_end_of_a_move_is_judged_and_not_a_change_in_it():
         "changes": [{"time": 0.5, "set": {"servo.kp": 300}}],
     }
     run = perform(Workcell("irb120_dynamic"), Program.of_content(content, "the test"))
+
     error = abs(run["q_ref.joint_2"] - run["q.joint_2"])
     final = run.verdict["final_error"].worst
     assert (final.subject, final.time) == ("joint_2", pytest.approx(1.0))

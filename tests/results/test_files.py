@@ -29,6 +29,7 @@ def folder(result, tmp_path_factory):
 def test_the_summary_holds_what_the_contract_says(result, folder):
     """`summary.json` has the documented keys, with the values of the result."""
     summary = json.loads((folder / "summary.json").read_text())
+
     assert {
         "station",
         "robot",
@@ -48,6 +49,7 @@ def test_the_summary_holds_what_the_contract_says(result, folder):
     assert summary["final"]["joint_position"]["joint_2"] == result["q.joint_2"][-1]
     assert summary["final"]["base_pose"] == [0, 0, 0, 0, 0, 0]
     assert len(summary["final"]["tcp_pose"]) == 6
+
     peaks = np.abs(result.axes("tau")).max(axis=0)
     np.testing.assert_allclose(np.abs(list(summary["peak"]["joint_torque"].values())), peaks)
     assert summary["realtime_rate"] > 1
@@ -58,6 +60,7 @@ def test_the_signals_file_holds_the_same_bits(result, folder):
     """`signals.csv` reads back to the same numbers to the last bit."""
     with (folder / "signals.csv").open() as lines:
         header, *rows = csv.reader(lines)
+
     assert header[:2] == ["time", "q_ref.joint_1"]
     assert {"q.joint_6", "v.joint_1", "tau.joint_2", "base.x", "base.qz", "tcp.x", "tcp.qw"} <= set(
         header
@@ -79,8 +82,11 @@ def test_a_run_with_its_own_samples_can_be_run_again(station, tmp_path):
     times = np.linspace(0, 0.2, 9)
     positions = np.outer(np.sin(5 * times), np.full(6, 0.1))
     result = simulate(load_station(station), reference=(times, positions), duration=0.2)
+
     folder = result.save(tmp_path / "own", recording=False)
+
     assert (folder / "reference.csv").is_file()
+
     moved = folder.rename(tmp_path / "elsewhere")  # nothing in it names the old place
     np.testing.assert_array_equal(
         simulate(load_station(moved / "station.yaml")).values, result.values
@@ -113,11 +119,15 @@ def test_a_trajectory_is_saved_as_what_gives_it_back(tmp_path, trajectory, rows,
     """A trajectory is saved as a table with speeds that repeats the run within the error of the table."""
     station = load_station("irb120_dynamic", {"inputs": ["reference_velocity"]})
     result = simulate(station, reference=trajectory, duration=0.2)
+
     folder = result.save(tmp_path / "own", recording=False)
+
     assert len((folder / "reference.csv").read_text().splitlines()) == 1 + rows
+
     again = simulate(load_station(folder / "station.yaml"))
     np.testing.assert_allclose(again.axes("q_ref"), result.axes("q_ref"), atol=within)
     np.testing.assert_allclose(again.axes("q"), result.axes("q"), atol=within)
+
     saved_again = again.save(tmp_path / "again", recording=False)
     assert (saved_again / "reference.csv").read_bytes() == (folder / "reference.csv").read_bytes()
 
@@ -127,7 +137,9 @@ def test_samples_are_joined_again_as_they_were(tmp_path):
     samples = np.linspace(0, 0.2, 5), np.outer(np.linspace(0, 0.2, 5) ** 2, np.ones(6))
     station = load_station("irb120_dynamic", {"inputs": ["reference_velocity"]})
     result = simulate(station, reference=samples, duration=0.2)
+
     again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
+
     np.testing.assert_array_equal(again.values, result.values)
 
 
@@ -135,7 +147,9 @@ def test_a_run_that_began_in_another_ones_end_can_be_run_again(result, tmp_path)
     """A start state is saved as `start.json`, and the station's file begins in it."""
     later = simulate("irb120_dynamic", duration=0.2, start=result.final_state)
     folder = later.save(tmp_path / "later", recording=False)
+
     assert "start: start.json" in (folder / "station.yaml").read_text()
+
     again = simulate(folder / "station.yaml")
     np.testing.assert_array_equal(again.values, later.values)
     np.testing.assert_array_equal(
@@ -165,7 +179,9 @@ def test_a_trajectory_outside_of_the_run_is_saved_as_what_it_was_a_hold(tmp_path
         [begin, begin + 1], np.full((6, 2), 1.0) * [0, 0.2]
     )
     result = simulate(load_station("irb120_dynamic"), reference=trajectory, duration=0.2)
+
     again = simulate(load_station(result.save(tmp_path / "own", recording=False) / "station.yaml"))
+
     np.testing.assert_allclose(again.axes("q_ref"), held)
     # rounding of the spline
     np.testing.assert_allclose(again.axes("q_ref"), result.axes("q_ref"), rtol=0, atol=1e-15)
@@ -175,6 +191,7 @@ def test_a_robot_is_named_where_there_is_not_just_one(result):
     """Signals of axes need the name of the robot in stations of several robots."""
     with pytest.raises(UnknownName, match="no robot 'nobody'; known: robot"):
         result.axes("q", "nobody")
+
     both = simulate(load_station("two_irb120"), duration=0.02)
     for signal in (lambda: both.axes("q"), lambda: both.pose("tcp")):
         with pytest.raises(InvalidParameter, match="robot is None; it must be one of left, right"):
@@ -183,6 +200,7 @@ def test_a_robot_is_named_where_there_is_not_just_one(result):
         locomotion(both)
     with pytest.raises(UnknownName, match="no legged robot 'left'"):
         locomotion(both, "left")
+
     ball = simulate(load_station("bouncing_ball"), duration=0.02)
     with pytest.raises(InvalidParameter, match="there is no robot"):
         ball.axes("q")
@@ -191,8 +209,10 @@ def test_a_robot_is_named_where_there_is_not_just_one(result):
 def test_columns_of_several_robots_carry_their_names(tmp_path):
     """Columns and entries of the summary begin with the name of their robot."""
     result = simulate(load_station("two_irb120"), duration=0.05)
+
     assert "left.q.joint_1" in result.names
     assert "right.tcp.x" in result.names
+
     summary = result.summary()
     assert set(summary["robot"]) == {"left", "right"}
     assert "right.joint_6" in summary["final"]["joint_torque"]
@@ -202,9 +222,11 @@ def test_columns_of_several_robots_carry_their_names(tmp_path):
 def test_nothing_is_overwritten_without_force(result, folder):
     """An earlier result is replaced with `force` only."""
     before = sorted(folder.iterdir())
+
     with pytest.raises(OutputError, match=r"exists already.*--force"):
         result.save(folder)
     assert sorted(folder.iterdir()) == before
+
     result.save(folder, force=True, recording=False)
     assert (folder / "summary.json").is_file()
 

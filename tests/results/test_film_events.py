@@ -21,13 +21,16 @@ def test_contacts_of_several_times_are_each_of_its_own(ball):
     """Contact results of a call for several times are independent of each other."""
     times = np.array([0.0, 0.19, 0.3])
     together = [len(Contacts.of(results).pairs) for results in list(ball.contacts_at(times))]
+
     alone = [len(Contacts.of(next(ball.contacts_at(times[k : k + 1]))).pairs) for k in range(3)]
+
     assert together == alone == [0, 1, 0]
 
 
 def test_a_ball_touches_when_it_has_fallen(ball):
     """The first contact is at the time of the free fall, sqrt(2 h / g), within one step."""
     events = events_of(ball)
+
     assert [text for _, text in events] == [
         "start",
         "ball touches the ground",
@@ -38,6 +41,7 @@ def test_a_ball_touches_when_it_has_fallen(ball):
     fall = np.sqrt(2 * 0.1 / 9.81)
     step = np.diff(ball.step_times).max()
     assert fall <= events[1][0] <= fall + step
+
     heights = ball.piece_pose("ball")[:, 2]
     for time, _ in events[1:4]:
         assert np.interp(time, ball.times, heights) < 0.06  # its radius
@@ -61,6 +65,7 @@ def test_a_contact_names_both_bodies_or_the_ground(pair, sentence):
 def test_runs_that_follow_each_other_end_moves(ball):
     """A program has an event at the end of each run, and one end."""
     events = events_of(join_runs([ball, ball]))
+
     assert (1.0, "move ends") in events
     assert events[-1] == (2.0, "end")
     assert len(events) == 9
@@ -77,5 +82,6 @@ def test_the_feet_of_a_walk_touch_in_turn():
     """Left and right feet touch alternately once the walk has begun."""
     walk = LeggedRobot("roid1_dynamic").walk(4)
     feet = [text.split("_")[0] for time, text in events_of(walk)[1:-1] if time > 1]
+
     assert len(feet) >= 4
     assert all(one != other for one, other in pairwise(feet))

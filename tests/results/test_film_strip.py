@@ -24,11 +24,14 @@ def changed(first, second):
 
 def test_the_strip_shows_the_motion_from_left_to_right(result, tmp_path):
     picture = imread(save_film_strip(result, tmp_path / "strip.png", frames=3, height=120)) * 255
+
     assert picture.shape[0] > 120  # the times stand below
+
     width = picture.shape[1] // 3
     first, middle, last = (
         picture[:110, index * width : (index + 1) * width - 8, :3] for index in range(3)
     )
+
     assert changed(first, last) > 0.05
     assert changed(first, middle) > 0.05
     captions = picture[122:, :, :3].min(axis=(0, 2)) < 150
@@ -41,7 +44,9 @@ def test_wide_frames_stand_in_two_rows(tmp_path):
     studio = Studio(result, height=60, oversampling=2)
     frames = list(studio.images(np.linspace(0, 0.3, 7)))
     wide = frames[0].shape[1]
+
     picture = imread(save_film_strip(result, tmp_path / "strip.png", height=60)) * 255
+
     assert picture.shape[:2] == (2 * (60 + 14), 4 * (wide + 6) - 6)
     for place, frame in ((0, frames[0]), (3, frames[3]), (4, frames[4]), (6, frames[6])):
         left, top = place % 4 * (wide + 6), place // 4 * (60 + 14)
@@ -51,6 +56,7 @@ def test_wide_frames_stand_in_two_rows(tmp_path):
 def test_images_are_of_their_times(result):
     studio = Studio(result, height=90)
     start, end, again = studio.images(np.array([0.0, result.stop_time, 0.0]))
+
     np.testing.assert_array_equal(start, again)
     assert changed(start, end) > 0.05
 
@@ -72,6 +78,7 @@ def test_oversampling_smooths_edges_and_keeps_the_size(result):
     plain, smooth = (
         next(Studio(result, height=90, oversampling=n).images(np.zeros(1))) for n in (1, 3)
     )
+
     assert plain.shape == smooth.shape
     assert len(np.unique(smooth.reshape(-1, 3), axis=0)) > len(
         np.unique(plain.reshape(-1, 3), axis=0)

@@ -21,6 +21,7 @@ def test_links_that_move_stand_where_kinematics_has_them(config):
     """Each moving link has one copy for each posture, at the pose of the forward kinematics."""
     posture = np.deg2rad([30, -20, 10, 40, 50, -60])
     said = ghosts(ViewedStation(config), "left", [np.zeros(6), posture], [True, False], 1)
+
     assert said[0] == {"type": "delete", "path": "/drake/ghosts"}
     copies = {command["path"]: command for command in said if command["type"] == "copy"}
     places = {
@@ -28,8 +29,10 @@ def test_links_that_move_stand_where_kinematics_has_them(config):
     }
     assert copies.keys() == places.keys()
     assert len(copies) == 2 * 6, "six links of one robot move"
+
     model = StationModel(config)
     model.place_robots({"left": posture})
+
     for link in range(1, 7):
         path = f"left/irb120/link_{link}"
         frame = model.plant.GetFrameByName(f"link_{link}", model.robots["left"].instance)
@@ -47,7 +50,9 @@ def test_what_they_are_copies_of_is_in_the_view(config):
     told = commands(
         lambda meshcat: draw_geometry(meshcat, scene.query(), {"station": Role.kIllustration})
     )
+
     drawn = b"".join(base64.b64decode(command) for command in told if isinstance(command, str))
+
     for command in ghosts(scene, "right", [np.zeros(6)], [True]):
         if command["type"] == "copy":
             assert command["source"].encode() in drawn

@@ -33,6 +33,7 @@ def test_positions_follow_the_cubic_that_the_rates_give(history):
     """Between steps, positions are a cubic Hermite spline; all other values are linear."""
     times = np.linspace(0, 1, 57)
     states = history.at(times, PLANT, rates)
+
     np.testing.assert_allclose(states.continuous[:, 1], cubic(times)[0], atol=1e-14)
     np.testing.assert_allclose(states.continuous[:, 0], 5 * times, atol=1e-14)
     np.testing.assert_allclose(
@@ -63,6 +64,7 @@ def test_discrete_values_are_those_held_over_the_step_that_ended_there(history):
 def test_steps_are_their_ends_at_the_times_of_their_starts(history):
     """`steps` gives the state at the end of the step of each time, with the time at which the step begins."""
     steps = history.steps(np.array([0.0, 0.05, 0.1, 0.11, 0.4, 0.9, 1.0]))
+
     np.testing.assert_array_equal(steps.times, [0.0, 0.0, 0.0, 0.1, 0.1, 0.4, 0.4])
     np.testing.assert_array_equal(steps.continuous, history.continuous[[0, 1, 1, 2, 2, 3, 3]])
     np.testing.assert_array_equal(steps.discrete[0][:, 0], [0, 1, 1, 2, 2, 3, 3])
@@ -72,6 +74,7 @@ def test_a_history_can_be_continued_from_an_earlier_state(history):
     """`with_end` drops the rows from the first time of the new end on, and appends the new rows."""
     other = StateHistory(np.array([0.25, 0.3]), np.zeros((2, 3)), [np.array([[7.0], [8.0]])])
     joined = history.with_end(other)
+
     np.testing.assert_array_equal(joined.times, [0, 0.1, 0.25, 0.3])
     np.testing.assert_array_equal(joined.discrete[0][:, 0], [0, 1, 7, 8])
     assert joined.last().end == 0.3

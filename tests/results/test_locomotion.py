@@ -68,7 +68,9 @@ def test_ahead_is_where_the_robot_faces(name, facing):
     """Where they face is in the facts; the way is 0.3 m ahead and 0.1 m to the left."""
     ahead = np.array(facing, dtype=float)
     left = np.array([-ahead[1], ahead[0]])
+
     found = locomotion(moved(name, along(0.3 * ahead + 0.1 * left, 0.5)))
+
     assert found.upright
     assert found.tilt == pytest.approx(0.0, abs=1e-12)
     assert found.ahead == pytest.approx(0.3)
@@ -96,6 +98,7 @@ def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
     result = simulate(
         load_station("irb120_on_belt", {"robot.base": [0, 0, 0.14, 0.4, 0, 0]}), duration=0.02
     )
+
     robot = result.plant.robots["robot"]
     assert any(robot.model.prismatic)
     np.testing.assert_allclose(headings(result.plant, robot, result.pose("base")), 0.4)
@@ -103,12 +106,14 @@ def test_a_robot_with_a_sliding_axis_faces_somewhere_too():
 
 def test_feet_that_are_dragged_slip_and_those_in_the_air_do_not():
     low = moved("humanoid", along(np.array([0.0, -0.3]), 0.445))  # 1 mm deep
+
     assert foot_slip(low, "robot") == pytest.approx({"right_foot": 0.3, "left_foot": 0.3})
     assert [entry.value for entry in low.verdict["foot_slip"].entries] == pytest.approx([0.3, 0.3])
     assert (
         "slid 300 mm over the ground during one stance at 2.00 s (bound 20 mm; 1 more violation)"
         in low.warnings[0]
     )
+
     high = moved("humanoid", along(np.array([0.0, -0.3]), 0.447))
     assert foot_slip(high, "robot") == {"right_foot": 0.0, "left_foot": 0.0}
 
@@ -127,7 +132,9 @@ def test_a_ball_that_rolls_does_not_slip():
         middle = ball + np.array([radius * angle, 0.0, -0.0005])
         turn = RigidTransform(RotationMatrix.MakeYRotation(angle))
         poses.append(RigidTransform(middle) @ turn @ RigidTransform(-ball) @ trunk)
+
     slip = foot_slip(moved("yobotics", poses), "robot")["FL_foot"]
+
     assert slip < 0.01 * radius * angles[-1]
 
 
@@ -141,6 +148,7 @@ def test_work_and_torque_are_those_of_the_joints():
         "humanoid", along(np.array([0.0, -0.5]), 0.45), tau__left_knee=-1.5, v__left_knee=2.0
     )
     found = locomotion(run)
+
     assert mechanical_work(run, "robot") == pytest.approx(1.5 * 2.0 * 2.0)
     # its mass: facts
     assert found.cost_of_transport == pytest.approx(6.0 / (2.292 * 9.80665 * 0.5), rel=1e-4)
@@ -155,7 +163,9 @@ def test_work_and_torque_are_those_of_the_joints():
 def test_a_walk_is_measured_in_the_summary():
     result = LeggedRobot("roid1_dynamic").walk(4)
     found = result.summary()["locomotion"]
+
     base = result.pose("base")
+
     assert found["ahead"] == pytest.approx(base[-1, 0] - base[0, 0], abs=1e-4)
     assert 0.05 < found["ahead"] < 0.3
     assert 0 < found["peak_torque"]["ratio"] <= 1 + 1e-9
@@ -167,12 +177,16 @@ def test_a_walk_is_measured_in_the_summary():
 def test_who_falls_is_told_when():
     push = {"forces.push": {"start": 0.2, "duration": 0.3, "force": [0, -40, 0]}, "duration": 3.0}
     result = simulate(load_station("humanoid_dynamic", push), progress=False)
+
     assert result.stopped_by == "fall"
     assert robot_that_fell(result) == "robot"
     assert robot_that_fell(replace(result, stopped_by=None)) is None
+
     watched = result.config.monitors["fall"].model_copy(update={"piece": "box"})
     config = result.config.model_copy(update={"monitors": {"fall": watched}})
+
     assert robot_that_fell(replace(result, config=config)) is None  # a box fell, and no robot
+
     found = result.summary()["locomotion"]
     assert found["fall_time"] == result.stop_time
     assert 0.2 < found["fall_time"] < 2.0

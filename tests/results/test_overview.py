@@ -21,6 +21,7 @@ def result():
 
 def test_a_shell_shows_three_lines(result):
     lines = repr(result).splitlines()
+
     assert lines[0] == "irb120_dynamic: ran to its end at 0.3 s"
     count = f"31 samples of {len(result.names)} columns to 0.3 s, "
     assert lines[1].startswith(count)
@@ -33,7 +34,9 @@ def test_a_shell_shows_three_lines(result):
 def test_a_notebook_shows_the_film_strip_and_where_the_joints_ended(result):
     page = result._repr_html_()
     (strip,) = re.findall(r"base64,([A-Za-z0-9+/=]+)", page)
+
     assert imread(BytesIO(base64.b64decode(strip))).shape[0] > 360
+
     rows = [re.findall(r"<td>(.*?)</td>", row) for row in re.findall(r"<tr>(.*?)</tr>", page)][1:]
     assert [row[0] for row in rows] == [f"joint_{number}" for number in range(1, 7)]
     ends = [float(row[2]) for row in rows]
@@ -52,6 +55,7 @@ def test_a_message_is_no_markup(result):
 def test_without_robots_the_pieces_are_told():
     ball = simulate(load_station("bouncing_ball"), duration=0.1, progress=False)
     (_, row) = table_of(ball)
+
     assert row[0] == "ball"
     assert float(row[3]) == pytest.approx(ball["piece.ball.z"][-1], abs=5e-5)
     assert float(row[4]) == pytest.approx(abs(ball["piece.ball.vz"][-1]), abs=5e-5)
@@ -75,6 +79,7 @@ def test_whatever_a_user_prints_takes_a_line_or_three(result):
         plant.robots["robot"],
         plant.robots["robot"].model,
     ]
+
     things += [
         station,
         station.ports,
@@ -82,6 +87,7 @@ def test_whatever_a_user_prints_takes_a_line_or_three(result):
         load_station("three_humanoids"),
         load_robot("humanoid"),
     ]
+
     for thing in things:
         for told in (repr(thing), str(thing), f"{thing}"):
             assert len(told.splitlines()) <= 3

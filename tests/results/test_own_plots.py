@@ -56,7 +56,9 @@ def test_the_colours_are_those_of_a_runs_plots(tmp_path):
 def test_a_figure_without_labels_has_its_title_alone(tmp_path):
     figure, ((axes,),) = panels("a way", size=(5, 4))
     axes.plot(TIMES, TIMES)
+
     file = save_figure(figure, str(tmp_path / "runs" / "way.pdf"))
+
     assert file.read_bytes().startswith(b"%PDF")
     assert not figure.legends
     assert figure.get_suptitle() == "a way"
@@ -64,8 +66,10 @@ def test_a_figure_without_labels_has_its_title_alone(tmp_path):
 
 def test_what_cannot_be_written_is_one_clear_error(tmp_path):
     figure, _ = panels("a way", size=(5, 4))
+
     with pytest.raises(UnknownName, match="no format of plots 'gif'"):
         save_figure(figure, tmp_path / "way.gif")
+
     (tmp_path / "taken").write_text("")
     with pytest.raises(OutputError, match="taken"):
         save_figure(figure, tmp_path / "taken" / "way.png")

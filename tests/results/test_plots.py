@@ -123,12 +123,16 @@ def test_what_is_applied_and_what_is_felt_are_plotted_together(drawn):
     builder.Connect(source.get_output_port(), station.GetInputPort("external_force"))
     hold = builder.AddSystem(ConstantVectorSource(np.zeros(6)))
     builder.Connect(hold.get_output_port(), station.GetInputPort("reference"))
+
     result = simulate_diagram(builder.Build(), station.ports, duration=0.4, progress=False)
+
     np.testing.assert_allclose(
         result.vector("applied_force"), np.tile([0.0, 0.0, 3.0], (len(result.times), 1))
     )
+
     figure = drawn(result)["sensors"]
     assert "irb120_cobot: applied forces" in texts(figure)
+
     titles = [panel.get_title(loc="left") for panel in figure.axes]
     assert titles == [
         "external force at load, in the tool's axes",
@@ -142,6 +146,7 @@ def test_angles_of_panels_are_in_degrees(result, drawn):
     (panel,) = drawn(
         replace(result, signals=(Signal(panel.columns, ("rad",), "own", panel=panel),))
     )["own"].axes
+
     assert panel.get_ylabel() == "lean [deg]"
     np.testing.assert_allclose(curve(panel, "joint_1").get_ydata(), np.rad2deg(result["q.joint_1"]))
 
@@ -163,6 +168,7 @@ def test_several_robots_have_their_own_pictures(drawn):
 
 def test_positions_are_in_degrees_with_reference_and_error(result, drawn):
     position, error = drawn(result)["position"].axes[2:4]  # two panels an axis
+
     reached, wanted = np.rad2deg(result["q.joint_2"]), np.rad2deg(result["q_ref.joint_2"])
     np.testing.assert_allclose(curve(position, "position").get_ydata(), reached)
     np.testing.assert_allclose(curve(position, "reference").get_ydata(), wanted)
@@ -177,21 +183,25 @@ def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
     figure = drawn(result)["tcp"]
     panels = figure.axes[::2]
     assert [panel.get_title(loc="left") for panel in panels] == ["x", "y", "z", "Rz", "Ry", "Rx"]
+
     row = len(result.times) // 2
     robot = result.plant.robots["robot"]
     context = robot.plant.CreateDefaultContext()
     robot.plant.SetPositions(context, result.axes("q_ref")[row])
     wanted = robot.tools[robot.tcp].CalcPoseInWorld(context)
+
     reached = transform_from_xyz_quaternion(result.pose("tcp")[row])
     for of, pose in (("reference", wanted), ("tool centre point", reached)):
         shown = [curve(panel, of).get_ydata()[row] for panel in panels]
         np.testing.assert_allclose(shown[:3], pose.translation(), atol=1e-12)
         turn = RollPitchYaw(*np.deg2rad(shown[:2:-1])).ToRotationMatrix()
         np.testing.assert_allclose(turn.matrix(), pose.rotation().matrix(), atol=1e-9)
+
     errors = [panel.get_lines()[0].get_ydata()[row] for panel in figure.axes[1::2]]
     np.testing.assert_allclose(
         errors[:3], 1e3 * (wanted.translation() - reached.translation()), atol=1e-9
     )
+
     asked, got = (
         [curve(panel, of).get_ydata()[row] for panel in panels[3:]]
         for of in ("reference", "tool centre point")
@@ -207,7 +217,9 @@ def test_the_tool_is_shown_with_its_reference_and_what_it_misses(result, drawn):
 def test_angles_of_the_reference_are_those_nearest_to_the_tools(reached, shown):
     """Of all Rz, Ry, Rx of one orientation: else the error would jump by 180 degrees where Ry goes through 90."""
     found = np.rad2deg(joint_plots._nearest(*np.deg2rad([[[1.0, 80.0, 2.0]], [reached]])))
+
     np.testing.assert_allclose(found, [shown])
+
     one, same = (
         RollPitchYaw(*np.deg2rad(angles[::-1])).ToRotationMatrix() for angles in ((1, 80, 2), shown)
     )
@@ -220,7 +232,9 @@ def test_where_small_turns_are_large_angles_the_plot_says_so(result, drawn):
     upright = changed(
         result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=np.sin(half), tcp__qz=nothing
     )
+
     notes = [panel.get_title(loc="right") for panel in drawn(upright)["tcp"].axes[6::2]]
+
     assert notes == [
         "large where Ry is near ±90 deg (gimbal lock)",
         "",
@@ -233,9 +247,11 @@ def test_angles_that_go_on_turning_do_not_jump(result, drawn):
     # of Rz, through 180 degrees
     half = np.linspace(np.deg2rad(85), np.deg2rad(100), len(result.times))
     nothing = np.zeros_like(half)
+
     turning = changed(
         result, tcp__qw=np.cos(half), tcp__qx=nothing, tcp__qy=nothing, tcp__qz=np.sin(half)
     )
+
     np.testing.assert_allclose(
         curve(drawn(turning)["tcp"].axes[6], "tool centre point").get_ydata(), np.rad2deg(2 * half)
     )
@@ -251,7 +267,9 @@ def test_a_limit_is_drawn_where_the_torque_comes_near_and_said_everywhere(result
         load_station("irb120_dynamic", {"servo.torque_limit": 15}), duration=0.6, progress=False
     )
     near = drawn(limited)["torque"].axes[1]
+
     assert {tuple(line.get_ydata()[:1]) for line in near.get_lines()[1:]} == {(15.0,), (-15.0,)}
+
     far = drawn(result)["torque"].axes[1]
     assert labels(far) == ["torque"]
     assert far.get_title(loc="right") == "limit ±150 N·m"
@@ -260,9 +278,11 @@ def test_a_limit_is_drawn_where_the_torque_comes_near_and_said_everywhere(result
 @pytest.mark.parametrize("name", ["position", "torque", "tcp"])
 def test_the_end_of_a_stopped_run_is_marked_with_its_reason(name, drawn, result, stopped):
     assert 0 < stopped.stop_time < 0.6
+
     figure = drawn(stopped)[name]
     assert f"stopped by joint_limit: {stopped.message}" in texts(figure)
     assert all(curve(panel, "stop").get_xdata()[0] == stopped.stop_time for panel in figure.axes)
+
     completed = drawn(result)[name]
     assert "stopped" not in texts(completed)
     assert not any("stop" in labels(panel) for panel in completed.axes)
@@ -285,7 +305,9 @@ def test_what_a_run_diverges_with_does_not_flatten_the_rest(result, drawn):
     diverged = replace(
         result, values=values, ending="diverged", stopped_by="diverged", message=message
     )
+
     figure = drawn(diverged)["position"]
+
     assert message in texts(figure)
     assert np.abs(figure.axes[0].get_ylim()).max() < 90
 
@@ -299,6 +321,7 @@ def test_a_folder_that_cannot_be_made_is_one_clear_error(result, tmp_path):
 def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
     figure = drawn(standing)["torque"]
     panels = {panel.get_title(loc="left"): panel for panel in figure.axes}
+
     assert list(panels)[:3] == ["shoulder_pitch", "shoulder_roll", "elbow"]
     assert labels(panels["knee"]) == ["right", "left"]
     for side in ("right", "left"):
@@ -308,6 +331,7 @@ def test_right_and_left_joints_share_a_panel_and_none_is_lost(standing, drawn):
     np.testing.assert_array_equal(
         curve(panels["neck_yaw"], "middle").get_ydata(), standing["tau.neck_yaw"]
     )
+
     groups = side_groups(standing.plant.robots["robot"])
     assert sorted(place for group in groups for place in group.axes.values()) == list(range(18))
 
@@ -320,6 +344,7 @@ def test_the_sides_of_a_quadruped_are_told_apart_in_front_and_behind():
         group.name: [robot.axes[place] for place in group.axes.values()]
         for group in side_groups(robot)
     }
+
     assert found["rear_knee"] == ["rear_right_knee", "rear_left_knee"]
     assert found["front_knee"] == ["front_right_knee", "front_left_knee"]
     assert len(found) == 6
@@ -347,7 +372,9 @@ def test_the_plot_of_the_base_tells_its_way_tilt_and_yaw(standing, drawn):
     }
     pose |= {"qx": turned["qw"] * np.sin(lean), "qy": turned["qz"] * np.sin(lean)}
     walked = changed(standing, **{f"base__{name}": values for name, values in pose.items()})
+
     way, height, tilt, yaw, above = drawn(walked)["base"].axes
+
     np.testing.assert_allclose(curve(way, "x").get_ydata(), 3 * part)
     np.testing.assert_allclose(curve(way, "y").get_ydata(), part)
     np.testing.assert_allclose(curve(height, "z").get_ydata(), 0.3)
@@ -360,6 +387,7 @@ def test_the_plot_of_the_base_tells_its_way_tilt_and_yaw(standing, drawn):
         "yaw [deg]",
     ]
     np.testing.assert_allclose(above.get_lines()[0].get_xydata(), np.column_stack([3 * part, part]))
+
     origin, along_x, along_y = above.transData.transform([(0, 0), (1, 0), (0, 1)])
     assert along_x[0] - origin[0] == pytest.approx(along_y[1] - origin[1])  # equal axes
 
@@ -379,7 +407,9 @@ def far(standing):
 def test_numbers_and_labels_keep_clear_of_each_other_and_of_the_edge(far, name, drawn):
     figure = drawn(far)[name]
     figure.draw_without_rendering()
+
     edge = figure.bbox.padded(0.1)
+
     for panel in figure.axes:
         numbers = [text.get_window_extent() for text in panel.get_yticklabels() if text.get_text()]
         assert all(edge.x0 <= box.x0 for box in numbers)
@@ -395,10 +425,14 @@ def test_a_long_run_that_moves_all_the_time_is_shown_in_detail_too(result, drawn
     times = np.linspace(0.0, 30.0, len(result.times))
     slow = replace(result, times=times, positions_at=lambda at: result.positions_at(at / 50))
     busy = changed(slow, tau__joint_2=(-1.0) ** np.arange(len(times)))
+
     figures = drawn(busy)
+
     assert set(figures) == {"position", "torque", "torque_detail", "tcp"}
+
     detail = curve(figures["torque_detail"].axes[1], "torque")
     assert detail.get_xdata()[[0, -1]] == pytest.approx([13.5, 16.5], abs=0.51)
+
     whole = curve(figures["torque"].axes[1], "torque")
     assert whole.get_linewidth() < detail.get_linewidth()
     assert set(drawn(slow)) == {"position", "torque", "tcp"}  # long, but calm
@@ -415,6 +449,7 @@ def test_noise_makes_no_thin_lines(result, drawn):
 def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):
     result = simulate(load_station("bouncing_ball"), duration=0.2, progress=False)
     position, velocity = drawn(result)["piece_ball"].axes
+
     assert (position.get_ylabel(), velocity.get_ylabel()) == ("position [m]", "velocity [m/s]")
     for axis in "xyz":
         np.testing.assert_array_equal(
@@ -429,6 +464,7 @@ def test_a_free_piece_is_shown_where_it_is_and_how_fast(drawn):
 def test_sensors_share_a_figure_which_tells_why_the_run_was_stopped(drawn):
     result = simulate(load_station("irb120_force_stop"), progress=False)
     figure = drawn(result)["sensors"]
+
     assert [panel.get_title(loc="left") for panel in figure.axes] == [
         "contact force 'touch'",
         "distance 'gap'",
@@ -455,13 +491,17 @@ def test_many_curves_of_a_panel_are_told_apart(standing, drawn):
         Signal(panel.columns, ("1",) * len(panel.columns), "motion", panel=panel)
         for panel in panels
     )
+
     figure = drawn(replace(standing, signals=signals))["own"]
     assert "a block" in texts(figure)
+
     lines = figure.axes[0].get_lines()
     assert len({(line.get_color(), line.get_linestyle()) for line in lines}) == len(columns) == 18
+
     figure.draw_without_rendering()
     legend = figure.axes[0].get_legend()
     assert [text.get_text() for text in legend.get_texts()] == [*axes, "z"]
+
     box, frame = legend.get_window_extent(), figure.axes[0].get_window_extent()
     assert frame.x1 <= box.x0 < box.x1 <= figure.bbox.x1
     assert frame.y0 <= box.y0
@@ -503,13 +543,16 @@ def test_what_a_loop_gives_each_axis_is_shown_joint_by_joint(standing, drawn):
         ("height", {"base.z": "m"}),
         ("effort", {f"tau.{axis}": "N·m" for axis in axes}),
     )
+
     figures = drawn(run)
+
     assert {"controller_b", "controller_b_axes"} <= set(figures)
     target, rate = figures["controller_b_axes"].axes
     assert target.get_title(loc="left") == "knee"
     assert (target.get_ylabel(), rate.get_ylabel()) == ("target [deg]", "rate [rad/s]")
     assert labels(target) == labels(rate) == ["right", "left"]
     np.testing.assert_allclose(curve(target, "left").get_ydata(), np.rad2deg(0.5 - time))
+
     said = texts(figures["controller_b_axes"]).replace("\n", " ")
     assert "almost constant, not plotted: shoulder_pitch, shoulder_roll, elbow" in said
     assert "effort of every axis" in said
@@ -529,10 +572,13 @@ def test_constants_of_a_block_are_named_and_its_numbers_have_names_and_units_of_
     run = sheet(
         run, ("command", columns, ("ahead", "left", "turn")), ("count", {"tau.joint_1": "1"})
     )
+
     figure = drawn(run)["controller_b"]
+
     assert [panel.get_ylabel() for panel in figure.axes] == ["command [m/s]", "command [deg]"]
     assert [labels(panel) for panel in figure.axes] == [["ahead"], ["turn"]]
     assert "constant, not plotted: command left 0.25 m/s, count 3" in texts(figure)
+
     every = drawn(replace(run, signals=tuple(replace(one, role="motion") for one in run.signals)))[
         "controller_b"
     ]
@@ -559,6 +605,7 @@ def test_what_a_loop_tells_before_its_first_sample_sets_no_scale(result, drawn):
 def test_numbers_at_an_axis_need_no_power_of_ten_over_it(values, texts, result):
     stack = Stack("one", [Plot("u", [Curve(result.times, "u", "0")])])
     shown = grid_figure(result, "numbers", [stack]).axes[0].yaxis.get_major_formatter()
+
     assert [
         text.replace("\N{MINUS SIGN}", "-") for text in shown.format_ticks(list(values))
     ] == texts
@@ -569,7 +616,9 @@ def test_a_constant_is_drawn_whatever_its_size(result, drawn):
     constant = changed(result, tau__joint_1=1e6)
     panel = Panel("own", "a block", "count", "count", ("tau.joint_1",))
     signal = Signal(panel.columns, ("1",), "own", panel=panel)
+
     low, high = drawn(replace(constant, signals=(signal,)))["own"].axes[0].get_ylim()
+
     assert low < 1e6 < high
     assert high - low < 10
 
@@ -583,14 +632,18 @@ def test_a_long_reason_is_told_to_its_end(result, drawn):
     figure = drawn(replace(result, ending="diverged", stopped_by="diverged", message=message))[
         "torque"
     ]
+
     assert message in texts(figure)
+
     figure.draw_without_rendering()
     boxes = [text.get_window_extent() for text in figure.texts]
+
     titles = [
         text.get_window_extent()
         for text in figure.findobj(Text)
         if text.get_text().startswith("joint_")
     ]
+
     assert len(titles) == 6
     assert all(figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 for box in boxes)
     assert not any(box.overlaps(title) for box in boxes for title in titles)
@@ -603,7 +656,9 @@ def test_of_hundreds_of_axes_a_figure_shows_the_first_and_says_so(result):
         Stack(f"joint_{place}", [Plot("torque [N·m]", [Curve(values, "torque", "0")])])
         for place in range(300)
     ]
+
     figure = grid_figure(result, "joint torques", stacks)
+
     assert [axes.get_title(loc="left") for axes in figure.axes] == [
         f"joint_{place}" for place in range(48)
     ]

@@ -72,6 +72,7 @@ def place_of(url: str) -> tuple[str, int]:
 
 def test_the_page_holds_the_motion_of_every_link_and_plays_at_once(page):
     (animation,) = [message for message in messages(page) if b"set_animation" in message]
+
     assert all(f"/link_{number}".encode() in animation for number in range(1, 7))
     assert b"play\xc3" in animation  # true, in MessagePack
     assert b"loopMode\xcd\x08\x99" in animation  # 2201: repeat
@@ -97,8 +98,10 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     run = simulate(load_station("humanoid_dynamic"), duration=1.0, progress=False)
     (now,) = (Contacts.of(results) for results in run.contacts_at(np.array([run.stop_time])))
     inspector = run.plant.scene_graph.model_inspector()
+
     sums = recording._sums(inspector, now)
     assert len(sums) == 2
+
     weight = (
         run.plant.plant.CalcTotalMass(run.plant.plant.CreateDefaultContext()) * STANDARD_GRAVITY
     )
@@ -107,6 +110,7 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
     middles = np.sort([point[0] for point, _ in sums.values()])
     # in the seen foot, half as wide: x of the ankle
     assert np.abs(np.abs(middles) - 0.0444).max() < 0.028
+
     names = [
         [inspector.GetName(inspector.GetFrameId(shape)) for shape in pair] for pair in now.pairs
     ]
@@ -118,6 +122,7 @@ def test_the_sum_of_forces_stands_at_the_centre_of_pressure_of_each_foot(tmp_pat
         np.testing.assert_allclose(
             (sense * np.cross(now.points - centre, now.normal_forces)).sum(axis=0), 0, atol=1e-9
         )
+
     page = save_recording(run, tmp_path / "stands.html").read_text(encoding="utf-8")
     told = [one for one in messages(page) if b"contact_forces/sum_" in one and b"set_object" in one]
     assert len(told) == 4  # shaft and head of each
@@ -137,7 +142,9 @@ def test_the_page_says_whose_run_it_is_how_it_ended_and_what_has_which_colour(tm
     result = simulate(load_station("irb120_force_stop"), progress=False)
     named = replace(result, config=result.config.model_copy(update={"name": "</script><b>"}))
     page = save_recording(named, tmp_path / "stop.html").read_text(encoding="utf-8")
+
     run = run_of(page)
+
     assert run["name"] == "</script><b>"
     assert run["name"] not in page
     assert run["message"] == f"stopped by stop: {result.message}"
@@ -154,6 +161,7 @@ def test_the_page_says_whose_run_it_is_how_it_ended_and_what_has_which_colour(tm
 def test_ways_of_several_tools_are_told_apart(tmp_path):
     result = simulate(load_station("two_irb120"), duration=0.05, progress=False)
     run = run_of(save_recording(result, tmp_path / "two.html").read_text(encoding="utf-8"))
+
     assert run["legend"] == [
         [PATHS[0], "path of the tool of left"],
         [PATHS[1], "path of the tool of right"],
@@ -174,6 +182,7 @@ def test_ways_of_several_tools_are_told_apart(tmp_path):
 def test_how_fast_a_run_was_has_two_digits(simulated, clock, said, result):
     run = replace(result, times=np.array([0.0, simulated]), stepping_time=clock, signal_time=0.0)
     run = replace(run, step_times=np.linspace(0.0, simulated, 7))
+
     assert run.speed_in_words.startswith(said)
     assert run.speed_in_words.endswith("6 steps")
     assert "0 × real" not in run.speed_in_words
@@ -190,6 +199,7 @@ def test_a_browser_has_a_clock_and_a_bar_to_play_by(result, tmp_path):
         "--use-angle=swiftshader",
         "--enable-unsafe-swiftshader",
     ]
+
     with api.sync_playwright() as driver:
         browser = driver.chromium.launch(executable_path=shutil.which("chromium"), args=drawing)
         page = browser.new_page(viewport={"width": 500, "height": 400})
@@ -209,6 +219,7 @@ def test_a_browser_has_a_clock_and_a_bar_to_play_by(result, tmp_path):
         button.click()
         api.expect(clock).not_to_have_text("0.25 / 0.60 s")
         browser.close()
+
     assert raised == []
 
 
@@ -236,10 +247,13 @@ def test_recording_leaves_nothing_that_listens(result, tmp_path, monkeypatch):
 def test_meshcat_listens_at_a_loopback_address_that_nobody_guesses():
     before = set(listening())
     first, second = open_meshcat(), open_meshcat()
+
     (one, port), (other, _) = place_of(first.web_url()), place_of(second.web_url())
+
     assert one.startswith("127.")
     assert one != other
     assert listens(one, port)
+
     # 127.0.0.1, where a page in a browser would look first, and every address
     known = {
         "0100007F",
@@ -253,8 +267,11 @@ def test_while_a_view_is_open_nothing_else_listens(result):
     gc.collect()
     before = len(listening())
     view = LiveView(result.config)
+
     gc.collect()
+
     assert len(listening()) == before + 1
+
     view.close()
 
 
@@ -268,6 +285,7 @@ def test_what_cannot_be_recorded_is_said(result, tmp_path):
 @pytest.mark.parametrize(("end", "rate"), [(0.3, 10.0), (3.0, 32.0), (0.55, 30.0), (0.0, 30.0)])
 def test_frames_are_even_and_end_with_the_run(end, rate):
     times = frame_times(end, rate)
+
     assert times[-1] == end
     np.testing.assert_allclose(np.diff(times)[:-1], 1 / rate)
     assert np.all(np.diff(times) > 1e-6)
@@ -277,6 +295,7 @@ def test_frames_are_even_and_end_with_the_run(end, rate):
 def test_the_camera_has_all_points_in_its_picture_and_none_to_spare(aspect):
     points = np.random.default_rng(0).normal(size=(50, 3)) * [0.3, 1.0, 0.5] + [2.0, -1.0, 0.5]
     view = camera_on(points, aspect=aspect)
+
     forward = (view.target - view.eye) / np.linalg.norm(view.target - view.eye)
     right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
     sight = points - view.eye
@@ -289,9 +308,11 @@ def test_the_camera_has_all_points_in_its_picture_and_none_to_spare(aspect):
 def test_a_kinematic_station_is_shown_where_a_dynamic_one_is():
     positions = np.array([[0.1, 0.2, 0.3, 0.4, 0.5, 0.6]])
     modes = "dynamic", "kinematic"
+
     dynamic, kinematic = (
         ViewedStation(load_station(f"irb120_{mode}")).extents(positions) for mode in modes
     )
+
     np.testing.assert_allclose(kinematic, dynamic, atol=1e-12)
     assert np.ptp(dynamic, axis=0).min() > 0.1
 
@@ -299,8 +320,11 @@ def test_a_kinematic_station_is_shown_where_a_dynamic_one_is():
 def test_the_live_view_keeps_pace_with_the_clock_and_changes_nothing(result):
     view = LiveView(result.config)
     began = perf_counter()
+
     shown = simulate(result.config, progress=False, on_step=view.on_step)
+
     assert perf_counter() - began > 0.6 - 1 / 30
+
     view.close()
     np.testing.assert_array_equal(shown.values, result.values)
     np.testing.assert_array_equal(shown.step_times, result.step_times)
@@ -309,10 +333,13 @@ def test_the_live_view_keeps_pace_with_the_clock_and_changes_nothing(result):
 def test_a_live_view_takes_a_free_port_and_gives_it_back(result):
     first, second = LiveView(result.config), LiveView(result.config)
     places = [place_of(first.url), place_of(second.url)]
+
     assert places[0] != places[1]
     assert all(listens(*place) for place in places)
+
     first.close()
     assert not listens(*places[0])
+
     first.on_step(1.0, np.zeros(6))  # a closed view ignores what comes
     second.close()
 
@@ -324,7 +351,9 @@ def test_the_live_view_draws_even_pictures_between_steps(result, monkeypatch):
     for time in (0.0, 0.05, 0.2):
         view.on_step(time, np.full(6, 3 * time))
     view.on_step(0.25, np.full(6, np.nan))  # a diverging run's last state
+
     view.close()
+
     times = np.arange(7) / 30
     np.testing.assert_allclose(drawn, 3 * times, atol=1e-12)
 
@@ -338,7 +367,9 @@ def test_the_live_view_tells_time_and_speed(result, monkeypatch):
     for step in range(12):
         view.on_step(step / 30, np.zeros(6))
         clock[0] += 1 / 15  # what the simulation takes: twice as long as what it simulates
+
     view.close()
+
     assert (said[0], said[-1]) == ("0.00 s  1.0 ×", f"{11 / 30:.2f} s  0.5 ×")
 
 

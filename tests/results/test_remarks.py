@@ -64,14 +64,17 @@ def test_a_run_within_all_bounds_says_so_in_one_line():
 
 def test_an_arm_that_sags_is_told_so_and_the_remedy_removes_the_warning(soft):
     sentence, *warnings = soft.remarks
+
     assert sentence.severity == "warning"
     assert sentence.text.startswith("ran to its end at 3 s. Two bounds exceeded: final error, ")
     assert {warning.severity for warning in warnings} == {"warning"}
+
     sag = remark_about(soft, "joint_2 ended")
     assert sag.remedy.setting == "servo.feedforward=gravity"
     assert remark_about(soft, "below the floor").remedy.text.startswith(
         "this station has no contact"
     )
+
     held = run("irb120_dynamic", with_remedy(SOFT, sag))
     assert held.remarks[1:] == []
     assert held.verdict["final_error"].worst.value < np.deg2rad(0.01)
@@ -80,10 +83,13 @@ def test_an_arm_that_sags_is_told_so_and_the_remedy_removes_the_warning(soft):
 def test_contact_is_the_remedy_of_an_arm_that_sinks_through_the_floor_of_a_station_without(soft):
     sinks = remark_about(soft, "below the floor")
     stopped = run("irb120_dynamic", with_remedy(SOFT, sinks), duration=1.5)
+
     assert stopped.verdict["below_floor"].worst.value < 0.005
     assert [doubt for doubt in stopped.verdict.doubts if "unstable" in doubt] == []
+
     low = {"robot.base": [0, 0, -0.83, 0, 0, 0], "reference": {"kind": "hold"}}
     kinematic = remark_about(run("irb120_kinematic", low, duration=0.1), "below the floor")
+
     assert "this station has no contact" in kinematic.remedy.text
     assert kinematic.remedy.setting == ""  # a prescribed motion stops at nothing
 
@@ -91,8 +97,10 @@ def test_contact_is_the_remedy_of_an_arm_that_sinks_through_the_floor_of_a_stati
 def test_a_move_that_is_too_fast_gets_the_duration_at_which_it_is_not():
     fast = {"reference.duration": 0.2}
     speed = remark_about(run("irb120_dynamic", fast, duration=1.0), "of its speed")
+
     assert speed.remedy.key == "reference.duration"
     assert speed.remedy.value > 0.2
+
     slower = run("irb120_dynamic", with_remedy(fast, speed), duration=1.0)
     assert not [warning for warning in slower.warnings if "of its speed" in warning]
 
@@ -100,6 +108,7 @@ def test_a_move_that_is_too_fast_gets_the_duration_at_which_it_is_not():
 def test_a_motor_that_cannot_hold_is_not_given_more_time():
     weak = run("irb120_dynamic", {"servo.torque_limit": {"joint_2": 2}}, duration=1.0)
     remedy = remark_about(weak, "joint_2 ended").remedy
+
     assert "too weak" in remedy.text
     assert (remedy.key, remedy.setting) == ("servo.torque_limit", "")
 
@@ -141,8 +150,11 @@ def test_the_start_of_an_only_robot_has_the_key_of_its_section(section):
         "reference": AWAY["reference"],
     }
     station = {"name": "own_sections", "duration": 0.2}
+
     error = remark_about(simulate(load_station(station, away), progress=False), "joint_5 was")
+
     assert error.remedy.key == f"{section}.initial_deg"
+
     begun = load_station(station, with_remedy(away, error))
     assert begun.robots[begun.only_robot].initial_deg == error.remedy.value
 
@@ -151,7 +163,9 @@ def test_boxes_that_sink_into_each_other_get_a_stiffer_contact():
     board = {"parent": "world", "pose": [-0.2, -0.2, 0.1, 0, 0, 0]}
     box = {"model": "box_on_corners", "free": True, "pose": [0, 0, 0.201, 0, 0, 0]}
     soft_boxes = {"pieces": {"board": board, "box": box}, "contact.stiffness": 500, "sensors": {}}
+
     sunk = remark_about(run("box_on_floor", soft_boxes, duration=1.0), "penetrated each other by")
+
     assert sunk.remedy.setting == "contact.stiffness=5000.0"
     assert run("box_on_floor", with_remedy(soft_boxes, sunk), duration=1.0).warnings == []
 
@@ -159,9 +173,11 @@ def test_boxes_that_sink_into_each_other_get_a_stiffer_contact():
 def test_a_fall_is_a_failure_and_a_stop_that_was_asked_for_is_none():
     pushed = {"forces.push": {"kind": "push", "force": [60, 0, 0], "start": 0.1, "duration": 0.3}}
     fell = run("roid1_dynamic", {**pushed, "reference": {"kind": "hold"}}, duration=3.0)
+
     assert fell.ending == "monitor"
     (remark,) = fell.remarks
     assert (remark.severity, remark.text) == ("failure", fell.end_in_words)
+
     (stopped, *_) = run("irb120_force_stop").remarks
     assert stopped.severity == "success"
 
@@ -172,10 +188,13 @@ def test_a_program_counts_its_missed_targets_and_names_moves_from_one():
         for sign in (1, -1)
     ]
     cell = Workcell(load_station("irb120_dynamic", {"servo.kp": 200}))
+
     result = perform(cell, Program.model_validate({"moves": moves}))
+
     sentence = result.remarks[0].text
     misses = [move.position_error for move in result.verdict.moves]
     assert f"Two targets missed, by up to {1e3 * max(misses):.3g} mm" in sentence
+
     named = {number for warning in result.warnings for number in re.findall(r"move (\d)", warning)}
     assert named == {"1", "2"}
     final = result.verdict["final_error"].worst
@@ -191,6 +210,7 @@ def test_a_program_counts_its_missed_targets_and_names_moves_from_one():
 def test_the_table_of_criteria_has_no_alarm_within_the_bounds():
     """Of issue 55: "payload 66.7 %", "below the floor 0.0486 mm" and "shortened steps 34.6 %" read as failures."""
     verdict = run("irb120_dynamic").verdict
+
     rows = {row.criterion: row for row in verdict.table}
     assert {row.severity for row in rows.values()} == {"success"}
     assert (rows["payload"].value, rows["payload"].bound) == ("2 kg", "3 kg")
@@ -202,6 +222,7 @@ def test_the_table_of_criteria_has_no_alarm_within_the_bounds():
 
 def test_a_notebook_shows_severity_and_remedy(soft):
     page = soft._repr_html_()
+
     assert "<td>warning</td><td>final error</td>" in page
     assert "<td>ok</td><td>payload</td>" in page
     assert "servo.feedforward=gravity" in page
@@ -210,6 +231,7 @@ def test_a_notebook_shows_severity_and_remedy(soft):
 
 def test_summary_json_has_the_same_words(soft, tmp_path):
     folder = soft.save(tmp_path / "run", recording=False)
+
     verdict = json.loads((folder / "summary.json").read_text())["verdict"]
     assert verdict["severity"] == "warning"
     assert verdict["sentence"].startswith("Ran to its end at 3 s. Two bounds exceeded")
@@ -243,7 +265,9 @@ def test_every_spanish_template_of_results_has_the_fields_of_the_english_one():
     for criterion in CRITERIA:
         english[f"results.title_{criterion.name}"] = criterion.title
         english[f"results.beyond_{criterion.name}"] = criterion.sentence
+
     spanish = catalogue("results", "es")
+
     assert english.keys() <= spanish.keys(), english.keys() - spanish.keys()
     for name, template in english.items():
         assert fields(template) == fields(spanish[name]), name
@@ -266,6 +290,7 @@ def test_severities_are_ordered():
 
 def test_the_command_line_tells_a_shared_remedy_once(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
+
     assert run_command(["run", "irb120_dynamic", "--no-recording", "--set", "servo.kp=150"]) == 0
     captured = capsys.readouterr()
     assert captured.err.count("--set servo.feedforward=gravity") == 1
@@ -285,11 +310,14 @@ def test_an_option_and_its_setting_stay_on_one_line(capsys):
     text = "take smaller steps in the solver or let the arm rest, such as with --set solver.max_step=0.0005"
     say_remark(Remark("warning", "it fails", Remedy(text, "contact", {}, settings)))
     lines = [line.strip() for line in capsys.readouterr().err.splitlines()]
+
     options = " ".join(lines[lines.index("--set contact={} --set contact.stiffness=25000.0") :])
+
     assert max(map(len, lines)) <= 72
     assert not [line for line in lines if line.endswith("--set")]
     expected = ["contact={}", *(f"{key}={value}" for key, value in settings)]
     assert shlex.split(options) == [word for setting in expected for word in ("--set", setting)]
+
     quoted = "--set 'reference.target_deg={joint_5: 60, joint_2: 30}'"
     assert [line for line in lines if quoted in line]
 
@@ -297,6 +325,7 @@ def test_an_option_and_its_setting_stay_on_one_line(capsys):
 def test_a_lag_in_a_program_is_answered_with_time():
     arm = Arm(load_station("irb120_dynamic", {"servo.kp": 200}))
     hasty = arm.move_abs_j([0.8, 0.5, 0, 0, 0.5, 0], duration=0.3, check="nothing")
+
     texts = {remark.remedy.text for remark in hasty.remarks[1:] if remark.remedy}
     assert texts == {"the servos lag behind: give the motion more time, or raise kp and kd"}
 
@@ -312,6 +341,7 @@ AWAY = {
 def test_a_start_away_from_the_reference_is_answered_with_the_start():
     away = run("irb120_dynamic", AWAY)
     error = remark_about(away, "joint_5 was 90 deg from its reference at 0.00 s")
+
     assert "joint_5 begins at 90 deg, but its reference begins at 0 deg" in error.remedy.text
     for remark in away.remarks[1:]:
         assert remark.remedy is None or "more time" not in remark.remedy.text
@@ -325,7 +355,9 @@ def test_a_run_that_began_in_a_state_has_no_key_for_its_start():
         start=first.final_state,
         reference=(np.array([0.0, 1.0]), np.zeros((2, 6))),
     )
+
     error = remark_about(again, "joint_5 was")
+
     assert "begin the reference where the robot begins" in error.remedy.text
     assert error.remedy.settings == []
 

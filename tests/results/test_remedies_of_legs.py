@@ -23,7 +23,9 @@ def run_of(station):
 def test_a_loop_that_walks_is_given_slower_steps_by_its_key():
     run = run_of("zjudancer_walking")
     said = "take slower steps: --set controllers.walk.gait.step_time=SECONDS"
+
     assert more_time_for_speed(run, Worst("left_knee")).text == said
+
     load_station("zjudancer_walking", {"controllers.walk.gait.step_time": 0.4})  # the key is taken
 
 
@@ -37,5 +39,6 @@ def test_a_joint_of_no_leg_is_not_given_other_steps():
 def test_options_of_a_planned_walk_are_named_only_after_a_move(did, has_steps):
     run = replace(run_of("zjudancer_dynamic"), did=did)
     text = more_time_for_speed(run, Worst("right_ankle_pitch")).text
+
     assert ("--amplitude 0.5" in text) == has_steps
     assert ("--step-time" in text) == has_steps

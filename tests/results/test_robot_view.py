@@ -33,12 +33,15 @@ def test_the_page_shows_the_robot_where_its_sliders_are(view, prefix):
     """The upper arm turns about joint 2, 0.29 m above the foot, by as much as its slider says: about y."""
     for message in ("NaN", "Infinity", '"x"', "[]", "1e999"):
         assert asked(view.url, "told", f'["{JOINT_2}", {message}]')[0] == 204
+
     view.run(timeout=0.05)
     assert pose(
         events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2"
     ) == pytest.approx(at(0.0), abs=1e-6)
+
     asked(view.url, "told", f'["{JOINT_2}", 30]')
     view.run(timeout=0.05)
+
     assert pose(
         events(view.url, "poses"), f"/drake/{prefix}/irb120/irb120/link_2"
     ) == pytest.approx(at(np.pi / 6), abs=1e-6)
@@ -53,7 +56,9 @@ def test_stop_ends_the_view(view):
     running = Thread(target=view.run, args=(60,))
     running.start()
     asked(view.url, "told", '["Stop", 1]')
+
     running.join(timeout=5)
+
     assert not running.is_alive()
 
 

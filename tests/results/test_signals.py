@@ -41,7 +41,9 @@ def test_under_cenic_the_torque_is_what_was_applied_while_the_reference_stood_st
     times = np.linspace(0, 1, 101)
     way, speed = SPEEDING * times**2 / 2, SPEEDING * times
     faster = PiecewisePolynomial.CubicHermite(times, np.outer([1, 1], way), np.outer([1, 1], speed))
+
     result = simulate(load_station("double_pendulum", overrides), reference=faster)
+
     # What the law says at a step's end of a reference that has gone on. What is told acted in the second half of a
     # step, in which the joints have nearly caught up; the mean is a few hundredths of that more.
     unheld = KD * SPEEDING * STEP
@@ -57,7 +59,9 @@ def test_the_pose_of_a_free_base_is_that_of_its_frame() -> None:
     plant, root = result.plant.plant, result.plant.robots["robot"].root
     context = plant.CreateDefaultContext()
     plant.SetPositions(context, result.positions_at(result.times[-1:])[0])
+
     told = transform_from_xyz_quaternion(result.pose("base")[-1])
+
     np.testing.assert_allclose(
         told.GetAsMatrix4(), root.CalcPoseInWorld(context).GetAsMatrix4(), atol=1e-12
     )

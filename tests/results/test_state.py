@@ -29,7 +29,9 @@ def test_two_halves_are_the_whole(overrides, tolerance):
     second = simulate(
         load_station("irb120_dynamic", {**overrides, **HOLD}), duration=1.5, start=first.final_state
     )
+
     row = int(np.searchsorted(whole.times, 1.5 - 1e-9))
+
     assert np.abs(first.axes("v")[-1]).max() > 1e-4  # it has not come to rest
     np.testing.assert_allclose(second.axes("q"), whole.axes("q")[row:], atol=tolerance)
     np.testing.assert_array_equal(second.axes("q")[0], first.axes("q")[-1])
@@ -41,7 +43,9 @@ def test_the_references_of_a_station_begin_where_the_last_ended():
     """The reference of a run with a start state begins at the last reference of the run before."""
     first = simulate(load_station("irb120_kinematic"))
     back = {"reference.target_deg": {"joint_1": 0}}
+
     second = simulate(load_station("irb120_kinematic", back), start=first.final_state)
+
     np.testing.assert_allclose(second.axes("q")[0], np.full(6, np.pi / 6))
     # the station's stays what it is
     np.testing.assert_array_equal(second.plant.robots["robot"].initial, np.zeros(6))
@@ -52,6 +56,7 @@ def test_a_kinematic_state_starts_a_dynamic_run():
     """Positions and velocities are passed on from a kinematic run, which has no plant that is stepped."""
     state = simulate(load_station("irb120_kinematic"), duration=0.5).final_state
     result = simulate(load_station("irb120_dynamic", HOLD), duration=0.1, start=state)
+
     np.testing.assert_allclose(result.axes("q")[0], state.positions["robot"], atol=1e-15)
     np.testing.assert_allclose(result.axes("v")[0], state.velocities["robot"], atol=1e-15)
     assert np.abs(state.velocities["robot"]).max() > 0.5
@@ -65,12 +70,15 @@ def test_a_changed_station_takes_what_it_has_in_common():
         "monitors": {"settled": {"after": 5}},
     }
     first = simulate(load_station("irb120_dynamic", overrides), duration=1.5)
+
     # no monitor: its times are those of a run
     assert list(first.final_state.blocks) == ["servo.integrator"]
+
     lighter = {**HOLD, **overrides, "pieces": {"gripper": {"parent": "world"}}}
     second = simulate(
         load_station("irb120_dynamic", lighter), duration=0.2, start=first.final_state
     )
+
     np.testing.assert_array_equal(second.axes("q")[0], first.axes("q")[-1])
     # the same servo state
     np.testing.assert_array_equal(second.axes("tau")[0], first.axes("tau")[-1])
@@ -84,6 +92,7 @@ def test_a_stopped_run_ends_in_the_state_of_its_stop():
         "irb120_dynamic", {"servo.torque_limit": 10, "monitors": {"joint_limit": {}}}
     )
     result = simulate(config)
+
     assert result.final_state.positions["robot"][1] == pytest.approx(np.deg2rad(110), abs=1e-3)
     np.testing.assert_array_equal(result.final_state.positions["robot"], result.axes("q")[-1])
 
@@ -92,10 +101,12 @@ def test_a_state_survives_as_text():
     """A state that was written as JSON and read again gives the same run to the last bit."""
     state = simulate(load_station("irb120_dynamic", {"servo.ki": 100}), duration=0.3).final_state
     again = State.from_json(state.to_json())
+
     runs = [
         simulate(load_station("irb120_dynamic", {"servo.ki": 100}), duration=0.2, start=start)
         for start in (state, again)
     ]
+
     np.testing.assert_array_equal(runs[0].values, runs[1].values)
     assert runs[1].start is again
 
@@ -136,7 +147,9 @@ def test_a_state_that_does_not_fit_its_blocks_and_joints_is_refused():
     """A joint of another size raises an error with its name and both sizes."""
     state = simulate(load_station("double_pendulum"), duration=0.01).final_state
     joint = next(iter(state.joints))
+
     odd = replace(state, joints={joint: JointState(np.zeros(1), np.zeros(3))})
+
     with pytest.raises(
         SimrobError, match=f"'{joint}' has size 3; it must be a state in which it has size 1"
     ):
@@ -162,7 +175,9 @@ def test_a_quaternion_of_another_length_is_refused(scale, length):
     ((name, joint),) = state.joints.items()
     position = joint.position.copy()
     position[:4] *= scale
+
     wrong = replace(state, joints={name: JointState(position, joint.velocity)})
+
     with pytest.raises(
         SimrobError, match=rf"the quaternion of .* is of length {length}; it must be of length 1"
     ):

@@ -58,6 +58,7 @@ def boxes(stiffness: float, **bounds: float | str) -> StationConfig:
 
 def test_every_bound_of_a_station_is_that_of_a_criterion():
     of_axes = {f"{c.name}_{unit}" for c in CRITERIA if c.unit == "rad" for unit in ("deg", "m")}
+
     of_moves = {f"move_{what}" for what in ("end", "following", "speed", "distance")}
     others = {c.name for c in CRITERIA if c.unit != "rad"}
     assert others | of_axes | of_moves == set(VerdictConfig.model_fields)
@@ -65,6 +66,7 @@ def test_every_bound_of_a_station_is_that_of_a_criterion():
 
 def test_a_move_that_saturates_is_warned_of(weak):
     error = np.abs(weak["q_ref.joint_2"] - weak["q.joint_2"])
+
     worst = weak.verdict["final_error"].worst
     assert (worst.subject, worst.value) == ("joint_2", error[-1])
     assert np.rad2deg(worst.value) > 50
@@ -80,6 +82,7 @@ def test_a_move_that_saturates_is_warned_of(weak):
 
 def test_a_run_that_does_as_asked_has_no_warnings():
     well = run("irb120_dynamic", duration=1.5)
+
     assert well.warnings == []
     assert well.verdict["final_error"].worst.value < np.deg2rad(3)
     assert well.verdict.sample_rate == 100
@@ -98,9 +101,12 @@ def test_a_hinge_without_a_motor_among_others_is_asked_nothing():
         "reference": {"kind": "hold"},
         "duration": 0.5,
     }
+
     run = simulate(load_station("irb120_dynamic", {**loose, **own}), progress=False)
+
     assert np.ptp(run.axes("q")[:, 4]) > 0.1
     assert run.verdict["largest_error"].worst.subject != "joint_5"
+
     limp = simulate(
         load_station("irb120_dynamic", {"servo.kp": 0.0, "servo.kd": 0.0, **own}), progress=False
     )
@@ -110,6 +116,7 @@ def test_a_hinge_without_a_motor_among_others_is_asked_nothing():
 def test_speeds_and_torques_beyond_their_limits_are_warned_of(hasty):
     model = hasty.plant.robots["robot"].model
     share = np.abs(hasty.axes("v")) / model.speed_limits
+
     figure = hasty.verdict["speed_share"]
     assert figure.worst.value == pytest.approx(share.max())
     assert {entry.subject: entry.value for entry in figure.entries} == dict(
@@ -117,6 +124,7 @@ def test_speeds_and_torques_beyond_their_limits_are_warned_of(hasty):
     )
     assert hasty.times[share[:, share.max(axis=0).argmax()].argmax()] == figure.worst.time
     assert hasty.verdict["speed_time"].worst.value == pytest.approx((share > 1).mean(axis=0).max())
+
     fastest = np.abs(hasty.axes("v")).max(axis=0)[int(share.max(axis=0).argmax())]
     assert f"{np.rad2deg(fastest):.3g} of " in figure.warning
     assert " deg/s," in figure.warning, "positions are in degrees, too"
@@ -139,6 +147,7 @@ def test_a_tool_below_the_floor_is_warned_of():
 def test_boxes_that_sink_into_each_other_are_warned_of():
     """At rest four corners carry m g at k x each, so x = m g / (4 k): 2 kg on 490 N/m sink by 10 mm."""
     result = simulate(boxes(2 * 9.80665 / (4 * 0.010)), duration=3.0, progress=False)
+
     assert result["piece.box.z"][-1] == pytest.approx(0.202 - 0.010, abs=1e-4)
     worst = result.verdict["penetration"].worst
     assert (worst.subject, worst.unit) == ("board and box", "m")
@@ -152,6 +161,7 @@ def test_boxes_that_sink_into_each_other_are_warned_of():
 
 def test_a_station_sets_its_own_bounds():
     assert not simulate(boxes(490.0, penetration="none"), duration=0.1, progress=False).warnings
+
     (warning,) = simulate(boxes(1e5, penetration=1e-6), duration=0.1, progress=False).warnings
     assert warning.endswith("(bound 0.001 mm)")
     with pytest.raises(ValueError, match=r"verdict\.penetration"):
@@ -163,10 +173,12 @@ def test_a_station_sets_its_own_bounds():
 def test_a_verdict_changes_nothing():
     runner = Runner("box_on_floor")
     first = runner.run(duration=0.3)
+
     signals, forces = (
         first.values.copy(),
         [c.num_point_pair_contacts() for c in first.contacts_at(first.times)],
     )
+
     assert first.verdict["penetration"].worst.value > 0
     assert [c.num_point_pair_contacts() for c in first.contacts_at(first.times)] == forces
     np.testing.assert_array_equal(first.values, signals)
@@ -178,6 +190,7 @@ def test_slides_count_from_step_to_step():
     slide = Slide(
         np.array([0.01, 0.01, 0.01, 0, 0.02, 0]), np.array([1, 1, 1, 0, 1, 1], dtype=bool)
     )
+
     assert slide.total == pytest.approx(0.05)
     assert slide.longest == (pytest.approx(0.03), 3)
     assert Slide(np.zeros(4), np.zeros(4, dtype=bool)).longest == (0.0, 0)
@@ -213,6 +226,7 @@ def test_strict_runs_raise_and_keep_the_result():
     ) as caught:
         run("irb120_dynamic", LAME, duration=0.3, strict=True)
     assert caught.value.result.ending == "completed"
+
     explicit = {
         "solver.scheme": "explicit_euler",
         "solver.max_step": 0.01,
@@ -226,11 +240,14 @@ def test_strict_runs_raise_and_keep_the_result():
 def test_a_strict_station_stays_where_it_was():
     arm = Arm(load_station("irb120_dynamic", LAME))
     arm.cell.strict, before = True, arm.position.copy()
+
     with pytest.raises(VerdictError):
         arm.move_abs_j([0.8, 0.4, 0, 0.8, 0.8, 0.8], duration=0.5, check="nothing")
     np.testing.assert_array_equal(arm.position, before)
+
     robot = LeggedRobot(load_station("humanoid_fixed", {"verdict.speed_share": 0.001}))
     robot.add_move({"left_knee": 20}, 0.2)
+
     with pytest.raises(VerdictError, match="left_knee moved at"):
         robot.simulate(strict=True)
     assert robot.simulate().warnings
@@ -240,6 +257,7 @@ def test_a_strict_station_stays_where_it_was():
 @pytest.mark.parametrize(("options", "code"), [(["--strict"], 4), ([], 0)])
 def test_the_command_line_tells_the_verdict(options, code, tmp_path, capsys):
     settings = [part for key, value in LAME.items() for part in ("--set", f"{key}={value}")]
+
     folder = ["--out", str(tmp_path / "run"), "--no-recording", "--duration", "0.3"]
     assert run_command(["run", "irb120_dynamic", *settings, *folder, *options]) == code
     said = capsys.readouterr()

@@ -85,12 +85,15 @@ def window():
 def test_its_user_reads_the_page_moves_the_slider_and_presses_the_button(window):
     status, page = asked(window.url)
     assert (status, page) == (200, window.page)
+
     own = f"http://{urlsplit(window.url).netloc}"
     assert asked(window.url, "told", b'["slider", 0.5]', Origin=own)[0] == 204
     assert asked(window.url, "told", b'["Stop", 1]', Origin=own)[0] == 204
     assert [control.value for control in window.controls.values()] == [0.5, 1.0]
+
     asked(window.url, "told", b'["slider", 7]')
     assert window.controls["slider"].value == 1.0  # as far as it goes
+
     slider, button = events(window.url, "menu")
     assert (slider["name"], slider["value"], slider["min"]) == ("slider", 1.0, -1.0)
     assert (button["name"], button["keycode1"]) == ("Stop", "Escape")
@@ -123,7 +126,9 @@ def test_who_comes_again_is_told_what_is_new():
     seen = list(islice(board.events(), 2))[1].decode()
     number = int(re.match(r"id: (\d+)\n", seen)[1])
     board.tell("poses", [{"type": "c"}])
+
     again = list(islice(board.events(number), 2))[1].decode()
+
     assert [json.loads(one.partition("data: ")[2]) for one in (seen, again)] == [
         [{"type": "a"}, {"type": "b"}],
         [{"type": "c"}],
@@ -133,7 +138,9 @@ def test_who_comes_again_is_told_what_is_new():
 def test_the_last_word_is_told_though_the_board_is_closed_at_once():
     board = Board()
     board.tell("said", ["it fell"])
+
     board.close()
+
     assert [one.partition(b"data:")[2].strip() for one in board.events()] == [
         b"[]",
         b'["it fell"]',
@@ -145,10 +152,12 @@ def test_the_last_word_is_told_though_the_board_is_closed_at_once():
 def test_the_floor_is_below_a_robot_wherever_it_goes(incline):
     scene = ViewedStation(load_station("zjudancer_walking", {"floor.incline_deg": incline}))
     tilt = scene.station.ground.floor_pose
+
     under = {
         one["path"]: one["matrix"]
         for one in floor_under(scene, tilt @ np.array([31.26, -7.1, 0.3]))
     }
+
     for path, depth in (
         (LINES, 0.0),
         ("/drake/station/floor", -0.01),
@@ -159,11 +168,14 @@ def test_the_floor_is_below_a_robot_wherever_it_goes(incline):
 
 def test_its_address_cannot_be_guessed(window):
     root = f"http://{urlsplit(window.url).netloc}"
+
     for path in ("/", "/events", "/told", window.path[:-2] + "/", window.path + "../etc/passwd"):
         assert asked(root, path) == (404, b"")
     assert asked(root, "/told", b'["Stop", 1]')[0] == 404
+
     other = Window()
     other.close()
+
     assert other.path != window.path
     assert window.controls["Stop"].value == 0
 
@@ -172,9 +184,11 @@ def test_no_websocket_is_opened(window):
     """Browsers let any page open one; the handshake is answered as any other question, by no more than a page."""
     key = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: eA==\r\n"
     host = f"Host: {urlsplit(window.url).netloc}\r\n"
+
     foreign = said(
         window.url, f"GET / HTTP/1.1\r\n{host}Origin: http://evil.example\r\n{key}\r\n".encode()
     )
+
     assert foreign.startswith(b"HTTP/1.0 403")
     assert said(window.url, f"GET / HTTP/1.1\r\n{host}{key}\r\n".encode()).startswith(
         b"HTTP/1.0 404"
@@ -196,8 +210,11 @@ def told(board, known):
 def test_a_subject_told_again_takes_the_place_of_what_was_told(window):
     window.tell("scene", ["first"])
     window.tell("poses", ["second"])
+
     known = {}
+
     assert told(window, known) == ["first", "second"]
+
     window.tell("poses", ["third"])
     assert told(window, known) == ["third"]
     assert told(window, {}) == ["first", "third"]  # a page that comes late
@@ -209,7 +226,9 @@ def test_a_wiped_window_knows_only_what_is_told_from_then_on(window):
     window.tell("ghosts", ["second"])
     window.news(known)
     window.wipe()
+
     window.tell("scene", ["third"])
+
     assert told(window, known) == ["third"]  # and it was never told before, however often it was
     assert told(window, {}) == ["third"]
 

@@ -52,7 +52,9 @@ def test_axes_are_the_joints_in_axis_order_and_sense(plant, joints, axes):
     wanted = np.array([0.3, -0.2, 0.7])
     axes.set_positions(plant, context, wanted)
     joints[1].set_translation_rate(context, 2.0)
+
     joints[2].set_angular_rate(context, 3.0)
+
     assert [
         joints[0].get_angle(context),
         joints[1].get_translation(context),
@@ -70,7 +72,9 @@ def test_efforts_do_the_work_that_the_plant_sees(axes):
     """Power is the same seen from the axes and from the plant, whatever the senses."""
     rng = np.random.default_rng(1)
     speed, effort = rng.normal(size=(2, 3))
+
     full = axes.spread_velocities(effort) @ axes.spread_velocities(speed)
+
     assert full == pytest.approx(effort @ speed)
     assert axes.efforts(axes.spread_velocities(effort)) == pytest.approx(effort, abs=0)
 
@@ -84,13 +88,17 @@ def test_a_jacobian_maps_axis_velocities(plant, axes):
     jacobian = plant.CalcJacobianSpatialVelocity(
         context, JacobianWrtVariable.kV, tip, np.zeros(3), plant.world_frame(), plant.world_frame()
     )
+
     moves = tip.CalcSpatialVelocityInWorld(context).get_coeffs()
+
     assert axes.velocities(jacobian) @ speed == pytest.approx(moves)
 
 
 def test_what_is_not_an_axis_stays(plant, axes):
     q, v = np.arange(1.0, 18.0), np.arange(1.0, 16.0)
+
     assert (plant.num_positions(), plant.num_velocities()) == (17, 15)
+
     put_q, put_v = axes.spread_positions(np.zeros(3), q), axes.spread_velocities(np.zeros(3), v)
     assert np.flatnonzero(put_q != q).tolist() == sorted(axes.position_places)
     assert np.flatnonzero(put_v != v).tolist() == sorted(axes.velocity_places)
@@ -103,6 +111,7 @@ def test_samples_go_along(plant, axes):
         rng.normal(size=(4, 5, plant.num_positions())),
         rng.normal(size=(4, 5, plant.num_velocities())),
     )
+
     assert axes.positions(q).shape == axes.velocities(v).shape == (4, 5, 3)
     assert axes.positions(q)[2, 3] == pytest.approx(axes.positions(q[2, 3]), abs=0)
     assert axes.spread_positions(axes.positions(q), q) == pytest.approx(q, abs=0)
@@ -113,8 +122,10 @@ def test_samples_go_along(plant, axes):
 def test_matrices_are_the_same_maps(plant, axes):
     rng = np.random.default_rng(3)
     q, v = rng.normal(size=plant.num_positions()), rng.normal(size=plant.num_velocities())
+
     assert axes.position_matrix @ q == pytest.approx(axes.positions(q), abs=0)
     assert axes.velocity_matrix @ v == pytest.approx(axes.velocities(v), abs=0)
+
     both = np.concatenate([axes.positions(q), axes.velocities(v)])
     assert axes.state_matrix @ np.concatenate([q, v]) == pytest.approx(both, abs=0)
 
@@ -141,5 +152,6 @@ def test_without_signs_axes_are_joints(plant, joints):
 def test_places_in_a_row_stand_for_the_same_values(places: list[int]) -> None:
     values, known = np.arange(9.0), np.array(places, np.intp)
     short = in_a_row(known)
+
     assert values[short].tolist() == values[known].tolist()
     assert isinstance(short, slice) == (places in ([4, 5, 6], [3]))

@@ -28,6 +28,7 @@ def described(write_urdf: Write, text: str, *, sign: int = 1, urdf: str = "arm.u
 @pytest.mark.parametrize("name", robot_names())
 def test_every_robot_of_the_package_loads_and_is_clean(name: str) -> None:
     robot = load_robot(name)
+
     lower, upper = robot.axis_limits
     assert (lower < upper).all()
     driven = [axis not in robot.passive_axes for axis in robot.axes]
@@ -90,6 +91,7 @@ def test_a_mapping_with_an_unknown_axis_brings_the_nearest_one_and_its_key() -> 
 
 def test_an_axis_answers_to_its_aliases(write_urdf: Write, one_joint_urdf: str) -> None:
     robot = described(write_urdf, one_joint_urdf)
+
     assert robot.axis_index("HomD") == robot.axis_index("shoulder_pitch") == 0
     np.testing.assert_array_equal(robot.axis_vector({"HomD": 5.0}, "kp"), [5.0])
     with pytest.raises(UnknownName, match="did you mean 'HomD'"):
@@ -123,6 +125,7 @@ def test_a_bare_urdf_has_its_joints_as_axes_and_its_last_link_as_tool(
     write_urdf: Write, one_joint_urdf: str
 ) -> None:
     robot = load_robot_from_urdf(write_urdf(one_joint_urdf))
+
     assert robot.name == "arm"
     assert list(robot.axes) == ["shoulder"]
     assert robot.root == "base"
@@ -133,7 +136,9 @@ def test_a_bare_urdf_has_its_joints_as_axes_and_its_last_link_as_tool(
 @pytest.mark.parametrize("name", ["../../x", "/tmp/x", "..", "", "n" * 201, r"a\b"])
 def test_names_of_robots_are_no_paths(write_urdf: Write, one_joint_urdf: str, name: str) -> None:
     path = write_urdf(one_joint_urdf.replace('"arm"', f'"{name}"'))
+
     assert load_robot_from_urdf(path).name == "arm"  # as the file
+
     path.with_name("robot.yaml").write_text(
         f"name: {name!r}\n{ROBOT_YAML.format(sign=1, urdf='arm.urdf')}"
     )

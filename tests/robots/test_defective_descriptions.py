@@ -66,6 +66,7 @@ def test_a_root_that_is_not_the_urdfs_is_an_error(tmp_path: Path, root: str) -> 
 @pytest.mark.parametrize("file", ["robot.yaml", "own.yaml"])
 def test_a_model_with_a_defective_urdf_is_imported_as_a_urdf_is(tmp_path: Path, file: str) -> None:
     robot = resolve(load_station(station(tmp_path, motor="", file=file))).robots["robot"]
+
     assert robot.axes == ["shoulder"]  # as described
     assert robot.model.signs.tolist() == [-1.0]
     assert robot.model.element.find("transmission") is not None  # which the import made
@@ -78,7 +79,9 @@ def test_the_row_of_a_table_that_is_wrong_is_told(tmp_path: Path) -> None:
     (tmp_path / "arm.yaml").write_text(
         f"dh:\n  convention: classical\n  rows:\n{row}[-1, 1]}}\n{row}[140, -140]}}\n"
     )
+
     (tmp_path / "station.yaml").write_text("robot: {model: arm.yaml}\n")
+
     with pytest.raises(
         SimrobError,
         match=r"arm\.yaml: dh\.rows\[1\]: limit_deg must be a lower limit and a higher limit",
@@ -94,9 +97,12 @@ def test_torques_that_light_links_do_not_have_are_doubted(
 ) -> None:
     file = station(tmp_path, effort=effort, mass=mass)
     found = [one for one in check_station(load_station(file)) if one.subject == "efforts of robot"]
+
     assert [one.level for one in found] == ["warning"] * doubted
+
     report = examine_robot(tmp_path / "arm.urdf").report
     assert [entry.element for entry in report.of("open")] == ["joint 'hinge' <limit>"] * doubted
+
     own = load_station(file, {"servo.torque_limit": 40})
     assert not [one for one in check_station(own) if one.subject == "efforts of robot"]
 
@@ -104,5 +110,6 @@ def test_torques_that_light_links_do_not_have_are_doubted(
 def test_a_robot_without_inertias_is_not_said_to_be_refused(tmp_path: Path) -> None:
     (tmp_path / "arm.urdf").write_text(ARM.format(mass="", effort=9, motor=MOTOR))
     report = examine_robot(tmp_path / "arm.urdf").report
+
     assert "1 open" in report.summary()
     assert "refused" not in report.summary()

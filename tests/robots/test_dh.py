@@ -115,7 +115,9 @@ def test_the_urdf_of_a_random_table_multiplies_to_the_same_pose(convention: str,
     dh = table(rows, convention, base=base, tool=tool)
     postures = random.uniform(-0.5, 0.5, (20, len(rows)))
     element = dh_robot("arm", dh)
+
     check_urdf(element, Path("table"))
+
     np.testing.assert_allclose(
         tool_poses(plant_of(element), postures), product(dh, postures), atol=1e-12
     )
@@ -127,7 +129,9 @@ def test_the_table_of_the_irb120_is_its_urdf() -> None:
     model = load_robot("irb120")
     lower, upper = model.axis_limits
     postures = np.random.default_rng(0).uniform(lower, upper, (10_000, 6))
+
     by_urdf = tool_poses(plant_of(with_absolute_meshes(model.element, model.folder)), postures)
+
     np.testing.assert_allclose(by_urdf, product(dh, postures), atol=1e-9)
     np.testing.assert_allclose(
         tool_poses(plant_of(dh_robot("arm", dh)), postures), by_urdf, atol=1e-9
@@ -146,14 +150,17 @@ def test_mass_centre_and_inertia_are_those_of_the_rows_frame(convention: str) ->
     plant = plant_of(dh_robot("arm", dh))
     body = plant.GetBodyByName("link_1")
     inertia = body.default_spatial_inertia()
+
     if convention == "classical":  # the row's frame is at the link's end
         frame = product(dh, np.zeros((1, 1)))[0]
     else:  # at its joint
         frame = (turning("z", np.array([np.deg2rad(40.0)])) @ sliding(2, np.array([0.2])))[0]
+
     assert inertia.get_mass() == 2.0
     np.testing.assert_allclose(
         inertia.get_com(), frame[:3, :3] @ figures["com"] + frame[:3, 3], atol=1e-12
     )
+
     about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
     own = np.array([[0.02, 0.001, -0.002], [0.001, 0.03, 0.003], [-0.002, 0.003, 0.04]])
     np.testing.assert_allclose(about_com, frame[:3, :3] @ own @ frame[:3, :3].T, atol=1e-12)
@@ -162,10 +169,14 @@ def test_mass_centre_and_inertia_are_those_of_the_rows_frame(convention: str) ->
 def test_what_is_not_given_of_an_inertia_is_that_of_the_shape() -> None:
     row = {**SPIN, "d": 2.0, "mass": 3.0}
     plant = plant_of(dh_robot("arm", table([row], thickness=1e-3)))
+
     inertia = plant.GetBodyByName("link_1").default_spatial_inertia()
+
     np.testing.assert_allclose(inertia.get_com(), [0, 0, 1.0], atol=0.01)  # a rod along z
+
     about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia().get_moments()
     np.testing.assert_allclose(about_com, [3.0 * 2.0**2 / 12] * 2 + [0.0], rtol=0.02, atol=1e-4)
+
     moved = plant_of(dh_robot("arm", table([{**row, "com": [0, 0, 0.5]}], thickness=1e-3)))
     np.testing.assert_allclose(moved.GetBodyByName("link_1").default_com(), [0, 0, 2.5], atol=1e-12)
 
@@ -182,7 +193,9 @@ def test_limits_speeds_and_efforts_reach_the_plant() -> None:
         {"type": "prismatic", "limit": [0.0, 0.3], "velocity": 0.2, "effort": 30.0},
     ]
     plant = plant_of(dh_robot("arm", table(rows)))
+
     waist, slide = plant.GetJointByName("waist"), plant.GetJointByName("joint_2")
+
     np.testing.assert_allclose(
         [waist.position_lower_limit(), waist.position_upper_limit()], np.deg2rad([-90, 45])
     )
@@ -192,6 +205,7 @@ def test_limits_speeds_and_efforts_reach_the_plant() -> None:
     assert waist.velocity_upper_limit() == pytest.approx(np.pi)
     assert slide.velocity_upper_limit() == 0.2
     assert waist.default_damping() == 0.5
+
     efforts = [plant.get_joint_actuator(i).effort_limit() for i in plant.GetJointActuatorIndices()]
     assert efforts == [12.0, 30.0]
 
@@ -201,13 +215,16 @@ def test_links_have_shapes_that_reach_from_joint_to_joint(convention: str) -> No
     row = {**SPIN, "a": 0.4, "d": 0.3, "alpha_deg": -90.0}
     element = dh_robot("arm", table([row] * 3, convention, base=[0, 0, 0.5, 0, 0, 0]))
     scene_graph = SceneGraph()
+
     plant = plant_of(element, scene_graph)
+
     for name in ("link_1", "link_2", "link_3"):
         body = plant.GetBodyByName(name)
         assert len(plant.GetVisualGeometriesForBody(body)) >= 2
         assert len(plant.GetCollisionGeometriesForBody(body)) == len(
             plant.GetVisualGeometriesForBody(body)
         )
+
     lengths = [
         float(c.get("length", 0))
         for c in element.iterfind("link[@name='link_1']/visual/geometry/cylinder")
@@ -219,6 +236,7 @@ def test_links_have_shapes_that_reach_from_joint_to_joint(convention: str) -> No
 def test_colours_and_thickness_can_be_chosen() -> None:
     dh = table([{**SPIN, "d": 0.5}], thickness=0.2, colour=[1, 0, 0, 1], joint_colour=[0, 1, 0, 1])
     element = dh_robot("arm", dh)
+
     assert max(float(c.get("radius", 0)) for c in element.iter("cylinder")) == pytest.approx(
         1.8 * 0.2
     )
@@ -253,7 +271,9 @@ def test_an_arm_at_zero_is_where_its_lengths_say(name: str, place: list[float]) 
 def test_an_arm_at_home_points_its_tool_down(name: str) -> None:
     model = load_robot(name)
     home = np.deg2rad(model.axis_vector(model.home_deg, "home_deg"))
+
     pose = tool_poses(plant_of(model.element), home[np.newaxis])[0]
+
     np.testing.assert_allclose(pose[:3, 2], [0, 0, -1], atol=1e-9)
 
 
@@ -270,8 +290,11 @@ monitors: {{torque_limit: {{}}, joint_limit: {{}}}}
 solver: {{kind: continuous, scheme: radau3, accuracy: 1.0e-2, max_step: 0.1}}
 duration: 1.0
 """)
+
     station = load_station(tmp_path / "arm.yaml")
+
     assert "warning" not in {finding.level for finding in check_station(station)}
+
     result = simulate(station, progress=False)
     assert result.stopped_by is None
     for axis, goal, effort in zip(model.axes, np.deg2rad(home + 10), model.efforts, strict=True):
@@ -299,17 +322,21 @@ def test_a_robot_of_ones_own_is_one_file(tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text(
         "robot: {model: robots/scara.yaml}\npieces: {gripper: {parent: robot}}\nduration: 0.5\n"
     )
+
     station = load_station(tmp_path / "cell.yaml")
     assert station.robots["robot"].model == str(tmp_path / "robots" / "scara.yaml")
+
     (tmp_path / "resolved").mkdir()
     (tmp_path / "resolved" / "cell.yaml").write_text(station_yaml(station))
     assert (
         load_station(tmp_path / "resolved" / "cell.yaml", mesh_path=[tmp_path / "robots"])
         == station
     )
+
     result = simulate(station, progress=False)
     assert result.stopped_by is None
     assert result["q.elbow"][-1] == pytest.approx(0.0, abs=1e-6)
+
     # rod, wrist and gripper hang on the rod, which slides down
     sag = (1.0 + 0.5 + 1.0) * 9.80665 / 5000
     assert result["q.joint_3"][-1] == pytest.approx(sag, rel=0.05)
@@ -389,7 +416,9 @@ WRONG = [
 def test_a_table_that_cannot_be_is_named(tmp_path: Path, entries: str, message: str) -> None:
     convention = "" if "convention" in entries or entries == "{}" else "convention: classical, "
     text = "dh: {}" if entries == "{}" else f"dh: {{{convention}{entries}}}"
+
     (tmp_path / "own.yaml").write_text(text)
+
     with pytest.raises(InvalidConfig, match=rf"own\.yaml: .*{message}"):
         load_robot_file(tmp_path / "own.yaml")
 

@@ -98,6 +98,7 @@ def test_links_are_plates_with_a_hole_and_a_peg(
 ) -> None:
     inertia = pendulum.GetBodyByName(link).default_spatial_inertia()
     about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
+
     # the URDF has seven digits
     assert inertia.get_mass() == pytest.approx(plate.mass, rel=1e-6)
     assert inertia.get_com()[0] == pytest.approx(plate.com, rel=1e-6)
@@ -117,7 +118,9 @@ def test_energy_is_that_of_two_links(pendulum: MultibodyPlant, seed: int) -> Non
     pendulum.SetPositions(context, q)
     pendulum.SetVelocities(context, v)
     kinetic, potential = energy(q, v)
+
     raised = pendulum.CalcPotentialEnergy(context) - pendulum.CalcPotentialEnergy(hanging)
+
     assert pendulum.CalcKineticEnergy(context) == pytest.approx(kinetic, rel=1e-5)
     assert raised == pytest.approx(potential - energy(np.zeros(2), np.zeros(2))[1], rel=1e-5)
 
@@ -127,19 +130,25 @@ def test_both_joints_turn_about_minus_y_and_the_links_hang_at_zero(
 ) -> None:
     context = pendulum.CreateDefaultContext()
     tip, hinge = pendulum.GetFrameByName("tip"), pendulum.GetFrameByName("upper_link")
+
     below = (
         tip.CalcPoseInWorld(context).translation() - hinge.CalcPoseInWorld(context).translation()
     )
+
     np.testing.assert_allclose(below[[0, 2]], [0, -0.34], atol=1e-12)
+
     pendulum.SetPositions(context, [np.pi / 2, 0])
     beside = (
         tip.CalcPoseInWorld(context).translation() - hinge.CalcPoseInWorld(context).translation()
     )
+
     np.testing.assert_allclose(beside[[0, 2]], [0.34, 0], atol=1e-12)
 
 
 def test_the_mesh_is_what_the_script_makes(tmp_path: Path) -> None:
     folder = models_root() / "double_pendulum"
     script = shutil.copy(folder / "make_meshes.py", tmp_path)
+
     runpy.run_path(str(script), run_name="__main__")
+
     assert (tmp_path / "base.obj").read_bytes() == (folder / "base.obj").read_bytes()

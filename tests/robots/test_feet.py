@@ -33,6 +33,7 @@ def station(overrides: dict[str, object]) -> tuple[StationPlant, DiagramBuilder]
 def test_the_three_areas_are_those_of_the_simulink_models(area: str) -> None:
     scale, height, stiffness = AREAS[area]
     contact = load_robot("humanoid").feet.kind(area)
+
     for foot in ("right_foot", "left_foot"):
         expected = np.column_stack([scale * PATTERN, np.full(6, height)])
         np.testing.assert_allclose(contact.points[foot], expected, atol=1e-12)
@@ -43,7 +44,9 @@ def test_the_three_areas_are_those_of_the_simulink_models(area: str) -> None:
 def test_a_station_puts_on_the_feet_that_it_names(kind: str, count: int) -> None:
     found, _builder = station({"robot.feet": kind})
     inspector = found.scene_graph.model_inspector()
+
     contact = load_robot("humanoid").feet.kind(kind)
+
     for foot in contact.links:
         # Soles also have balls at their corners, which touch in their place.
         shapes = found.shapes_of_body(found.plant.GetBodyByName(foot))
@@ -71,6 +74,7 @@ def test_feet_pass_through_each_other_even_where_links_do_not() -> None:
 def test_the_support_points_of_a_sole_are_its_lower_corners() -> None:
     contact = load_robot("humanoid").feet.kind("soles")
     corners = contact.support_points("left_foot")
+
     # the bottom of the published mesh
     np.testing.assert_allclose(corners[:, 2], -0.02896, atol=1e-12)
     np.testing.assert_allclose(np.ptp(corners, axis=0), [0.0559, 0.113, 0], atol=1e-12)
@@ -122,6 +126,7 @@ def test_a_foot_that_differs_is_as_the_rest_in_what_it_leaves_out() -> None:
         "stiffness": 4e4,
     }
     contact = FootContact(**kind, others={"right": {"radius": 0.03}})
+
     assert [(one.radius, one.stiffness) for one in map(contact.surface, kind["points"])] == [
         (0.01, 4e4),
         (0.03, 4e4),
@@ -137,9 +142,11 @@ def test_the_lowest_points_follow_the_foot(kind: str, under: float) -> None:
         RigidTransform([0.0, 0.0, 0.5]),
     ]
     found = contact.lowest_points("left_foot", np.array([pose.GetAsMatrix4() for pose in poses]))
+
     own = (
         contact.points["left_foot"] if kind == "spheres_C" else contact.support_points("left_foot")
     )
+
     radius = contact.radius if under else 0.0
     wanted = [[pose @ np.array(point) - [0, 0, radius] for point in own] for pose in poses]
     np.testing.assert_allclose(found, wanted, atol=1e-12)

@@ -81,9 +81,12 @@ def obj_figures(path: Path) -> tuple[np.ndarray, float]:
 def test_each_link_has_its_published_inertia(irb120: MultibodyPlant, link: str) -> None:
     irb120.Finalize()
     mass, com, moments = LINKS[link]
+
     inertia = irb120.GetBodyByName(link).default_spatial_inertia()
+
     assert inertia.get_mass() == pytest.approx(mass)
     np.testing.assert_allclose(inertia.get_com(), com, atol=1e-15)
+
     about_com = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
     np.testing.assert_allclose(np.diag(about_com), moments, rtol=1e-9)
 
@@ -95,6 +98,7 @@ def test_the_arm_weighs_what_its_links_weigh(irb120: MultibodyPlant) -> None:
 
 def test_limits_are_the_published_ones(irb120: MultibodyPlant) -> None:
     irb120.Finalize()
+
     np.testing.assert_array_equal(load_robot("irb120").axis_limits, [LOWER, UPPER])
     np.testing.assert_array_equal(irb120.GetPositionLowerLimits(), LOWER)
     np.testing.assert_array_equal(irb120.GetPositionUpperLimits(), UPPER)
@@ -112,6 +116,7 @@ def test_at_zero_the_flange_points_forward(irb120: MultibodyPlant) -> None:
 def test_at_home_the_flange_points_down(irb120: MultibodyPlant) -> None:
     irb120.Finalize()
     pose = tool_pose(irb120, HOME)
+
     np.testing.assert_allclose(pose.translation(), [0.302, 0, 0.558], atol=1e-12)
     np.testing.assert_allclose(pose.rotation().matrix(), np.diag([-1, 1, -1]), atol=1e-12)
 
@@ -132,7 +137,9 @@ def test_the_dh_table_gives_the_same_flange_pose(irb120: MultibodyPlant) -> None
 def test_the_mass_matrix_at_zero_has_the_known_diagonal(irb120: MultibodyPlant) -> None:
     irb120.Finalize()
     matrix = irb120.CalcMassMatrix(irb120.CreateDefaultContext())
+
     known = [0.193, 0.790, 0.179, 0.0043, 0.0025, 0.001]
+
     # the last digit of 0.0043 and 0.0025
     np.testing.assert_allclose(np.diag(matrix), known, rtol=0.015)
 
@@ -154,7 +161,9 @@ def test_holding_30_degrees_takes_the_known_torques(carried: tuple[str, ...]) ->
         overrides |= {"pieces.load.model": "pencil", "pieces.load.parent": "gripper"}
     station = build_station(load_station("irb120_dynamic", overrides)).ports.plant
     position = np.full(6, np.deg2rad(30))
+
     torque = holding_torque(station, station.robots["robot"], position)
+
     np.testing.assert_allclose(torque, HOLDING[carried], atol=0.01)
 
 
@@ -164,7 +173,9 @@ def test_the_meshes_are_what_the_script_makes(tmp_path: Path) -> None:
     folder = models_root() / "irb120"
     script = shutil.copy(folder / "make_meshes.py", tmp_path)
     runpy.run_path(str(script), run_name="__main__")
+
     committed = sorted(file.name for file in (folder / "meshes").glob("*.obj"))
+
     assert sorted(file.name for file in (tmp_path / "meshes").glob("*.obj")) == committed
     for name in committed:
         box, volume = obj_figures(folder / "meshes" / name)

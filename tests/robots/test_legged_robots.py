@@ -119,6 +119,7 @@ def poses() -> dict[str, Pose]:
 @pytest.mark.parametrize("name", LEGGED)
 def test_links_joints_and_mass_are_the_published_ones(poses: dict[str, Pose], name: str) -> None:
     robot = poses[name]
+
     links, joints, mass = FIGURES[name]
     assert (
         sum(link.find("inertial") is not None for link in robot.model.element.iterfind("link"))
@@ -143,9 +144,11 @@ def test_at_zero_every_frame_is_in_its_place(poses: dict[str, Pose], name: str, 
 
 def test_the_humanoids_centre_of_mass_and_inertia_at_zero(poses: dict[str, Pose]) -> None:
     plant, context = poses["humanoid"].plant, poses["humanoid"].at()
+
     np.testing.assert_allclose(
         plant.CalcCenterOfMassPositionInWorld(context), [0, -0.0015, -0.2179], atol=6e-5
     )
+
     neck = plant.GetJointByName("shoulder_neck").velocity_start()
     # facts: 1.37e-5 of neck, head and cover about the vertical, with the free base, which changes nothing here
     assert plant.CalcMassMatrix(context)[neck, neck] == pytest.approx(1.37e-5, rel=0.005)
@@ -160,6 +163,7 @@ def test_the_quadruped_stands_as_high_as_its_legs_say(
 ) -> None:
     robot, degrees = poses["yobotics"], np.rad2deg(angle)
     context = robot.at(front_left_hip_pitch=-degrees, front_left_knee=2 * degrees)
+
     expected = [0.196 + shift, 0.12714, -height]
     np.testing.assert_allclose(robot.point(context, "FL_foot"), expected, atol=1e-4)
 
@@ -184,6 +188,7 @@ def test_efforts_are_those_of_the_motors(name: str, efforts: dict[str, float]) -
 @pytest.mark.parametrize("name", LEGGED)
 def test_left_and_right_have_the_same_ranges_and_the_home_posture_is_inside(name: str) -> None:
     robot = load_robot(name)
+
     limits = np.rad2deg(robot.axis_limits).T
     ranges = dict(zip(robot.axes, limits, strict=True))
     for axis, (low, high) in ranges.items():
@@ -192,6 +197,7 @@ def test_left_and_right_have_the_same_ranges_and_the_home_posture_is_inside(name
             other = ranges[axis.replace("right", "left")]
             turned = -other[::-1] if axis.endswith("yaw") else other  # yaws turn left on both sides
             np.testing.assert_allclose((low, high), turned, atol=1e-9)
+
     home = robot.axis_vector(robot.home_deg, "home_deg")
     assert ((limits[:, 0] <= home) & (home <= limits[:, 1])).all()
 
@@ -208,6 +214,7 @@ def test_left_and_right_links_are_mirror_images(poses: dict[str, Pose], name: st
         found[body.name()] = np.append(body.get_mass(context), com)
     flip = np.array([1, *(1 - 2 * np.abs(robot.left))])
     matched = 0
+
     for link, figures in found.items():
         for start, other in pairs.items():
             if link.startswith(start):
@@ -215,6 +222,7 @@ def test_left_and_right_links_are_mirror_images(poses: dict[str, Pose], name: st
                     found[other + link.removeprefix(start)], flip * figures, atol=2e-5
                 )
                 matched += 1
+
     assert matched >= 6
 
 
@@ -234,7 +242,9 @@ def test_a_positive_angle_has_the_same_visible_effect(
     part, way, sense = EFFECTS[motion]
     tip = robot.model.tools[f"{side}_hand" if part in ("hand", "finger") else f"{side}_foot"]
     offset = {"toe": 0.06 * robot.forward, "finger": 0.03 * robot.forward}.get(part)
+
     moved = robot.point(robot.at(**{axis: 20}), tip, offset) - robot.point(robot.at(), tip, offset)
+
     ways = {"forward": robot.forward, "left": robot.left, "up": np.array([0, 0, 1])}
     ways["outward"] = robot.left if side == "left" else -robot.left
     along = sense * float(ways[way] @ moved)
@@ -246,6 +256,7 @@ def test_a_positive_angle_has_the_same_visible_effect(
 @pytest.mark.parametrize("name", HUMANOIDS)
 def test_heads_and_trunks_turn_left_and_nod_forward(poses: dict[str, Pose], name: str) -> None:
     robot = poses[name]
+
     head = robot.model.tools["head"]
     for axis in ("neck_yaw", "torso_yaw"):
         if axis in robot.model.axes:
@@ -265,11 +276,15 @@ def test_the_quadrupeds_legs_go_outward_forward_and_fold(poses: dict[str, Pose],
     robot = poses["yobotics"]
     foot = robot.model.tools[f"{leg}_foot"]
     outward = robot.left if "left" in leg else -robot.left
+
     start = robot.point(robot.at(), foot)
+
     assert outward @ (robot.point(robot.at(**{f"{leg}_hip_roll": 20}), foot) - start) > 0.1
     assert robot.forward @ (robot.point(robot.at(**{f"{leg}_hip_pitch": 20}), foot) - start) > 0.1
+
     home = {f"{leg}_hip_pitch": -45.8, f"{leg}_knee": 91.7}
     folded = robot.point(robot.at(**{**home, f"{leg}_knee": 111.7}), foot)
+
     assert (folded - robot.point(robot.at(**home), foot))[2] > 0.02
 
 
@@ -280,6 +295,7 @@ def test_every_axis_has_its_simrob_name(name: str) -> None:
         axis.removeprefix("right_"): alias
         for axis, (alias,) in ((a, e.aliases) for a, e in robot.axes.items())
     }
+
     known = {
         "shoulder_pitch": "HomDF",
         "hip_pitch": "CadDF",
@@ -287,6 +303,7 @@ def test_every_axis_has_its_simrob_name(name: str) -> None:
         "ankle_pitch": "TobD",
         "neck_yaw": "CuelL",
     }
+
     assert known.items() <= names.items()
     assert robot.axis_index("CadIF") == robot.axis_index("left_hip_pitch")
 
@@ -298,8 +315,11 @@ def test_the_script_makes_the_urdf_and_every_mesh_is_used(
 ) -> None:
     folder, making = models_root() / name, models_root() / "making"
     monkeypatch.syspath_prepend(making)  # as it is for a script
+
     runpy.run_path(str(making / f"{name}.py"))["make"](tmp_path)
+
     assert (tmp_path / f"{name}.urdf").read_text() == (folder / f"{name}.urdf").read_text()
+
     used = {Path(mesh.get("filename", "")).name for mesh in load_robot(name).element.iter("mesh")}
     assert (
         used

@@ -33,9 +33,11 @@ def limits() -> AxisLimits:
 @pytest.mark.parametrize("side", [-1, 1])
 def test_rounding_is_clamped_and_said_once(side: int) -> None:
     own = limits()
+
     end = own.upper if side > 0 else own.lower
     rounded = end + 0.9 * side * np.array([ANGLE_TOLERANCE, LENGTH_TOLERANCE])
     assert own.find_violation(rounded[np.newaxis]) is None
+
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("default", ClampedPosition)
         for _ in range(3):
@@ -53,7 +55,9 @@ def test_more_than_rounding_is_a_violation(axis: int, side: int) -> None:
     position = np.array([0.5, 0.02])
     end = (own.upper if side > 0 else own.lower)[axis]
     position[axis] = end + 1.1 * side * own.tolerances[axis]
+
     violation = own.find_violation(position[np.newaxis])
+
     assert violation is not None
     assert violation.axis == axis
     assert violation.value != violation.limit
@@ -90,6 +94,7 @@ def test_postures_at_the_limits_are_starts_in_spite_of_rounding(name: str) -> No
 
 def test_a_finger_beyond_its_limit_is_refused_with_different_numbers() -> None:
     model = load_robot("irb120_gripper")
+
     finger = list(model.axes).index("left_finger")
     opened = model.axis_limits[1][finger]
     with pytest.raises(
@@ -100,6 +105,7 @@ def test_a_finger_beyond_its_limit_is_refused_with_different_numbers() -> None:
 
 def test_targets_of_moves_share_the_tolerance() -> None:
     model = load_robot("irb120")
+
     upper = float(model.axis_limits[1][0])
     rounded = np.rad2deg(upper + 0.5 * ANGLE_TOLERANCE)
     with pytest.warns(ClampedPosition, match="joint_1 is beyond its limit by less than 0.0001 rad"):

@@ -101,5 +101,7 @@ def test_a_robot_without_fixed_joints_is_left_alone() -> None:
     robot = ET.fromstring(ROBOT)
     merge_fixed_links(robot)
     again = deepcopy(robot)
+
     merge_fixed_links(again)
+
     assert ET.tostring(again) == ET.tostring(robot)

@@ -124,8 +124,10 @@ def test_a_mass_is_volume_times_density(name: str) -> None:
     volume = solid_inertia(
         [shape.solid(piece.folder) for shape in piece.shapes], closed=True
     ).volume
+
     assert described.density is not None
     assert piece.mass == pytest.approx(described.density * volume, rel=1e-12)
+
     points = outline(piece)
     assert (points.min(axis=0) < piece.com).all()
     assert (piece.com < points.max(axis=0)).all()
@@ -176,10 +178,13 @@ def test_chess_figures_weigh_what_wood_does() -> None:
 )
 def test_holes_are_where_their_frames_say_and_free_for_the_pencil(name: str, count: int) -> None:
     piece = load_piece(name)
+
     holes = {frame: pose for frame, pose in piece.frame_poses.items() if frame != "tcp"}
     assert len(holes) == count
+
     (mesh,) = [shape.mesh for shape in piece.shapes if shape.mesh is not None]
     points = vertices(piece.folder / mesh)
+
     for pose in holes.values():
         x, y, z = transform_from_pose(pose).inverse() @ points.T
         wall = (abs(z) < 0.02) & (np.hypot(x, y) < 0.017)
@@ -211,6 +216,7 @@ def test_the_holes_of_the_sphere_are_the_frames_of_the_original() -> None:
 
 def test_squares_of_the_chess_board_are_50_mm_apart() -> None:
     frames = load_piece("chess_board").frame_poses
+
     for column, row in product(range(8), range(8)):
         expected = [0.025 + 0.05 * column, 0.025 + 0.05 * row, 0.007, 0, 0, 0]
         np.testing.assert_allclose(frames[f"square_{column}_{row}"], expected, atol=1e-12)
@@ -227,7 +233,9 @@ def test_figures_stand_on_the_squares() -> None:
 
 def test_the_inclined_table_has_the_frame_of_three_points() -> None:
     frame = transform_from_pose(load_piece("inclined_table").tcp)
+
     np.testing.assert_allclose(frame.translation(), [0.4, 0.133, 0.0], atol=1e-12)
+
     expected = [[-0.5, 0.8365, -0.2241], [-0.8660, -0.4830, 0.1294], [0.0, 0.2588, 0.9659]]
     np.testing.assert_allclose(frame.rotation().matrix(), expected, atol=5e-5)  # facts, section 5
     for point, corner in (
@@ -235,6 +243,7 @@ def test_the_inclined_table_has_the_frame_of_three_points() -> None:
         ((0.7232, -0.0536, 0.1), (0, 0.3864, 0)),
     ):
         np.testing.assert_allclose(frame @ corner, point, atol=1e-4)
+
     points = frame.inverse() @ outline(load_piece("inclined_table")).T
     assert points[2].max() == pytest.approx(0.0, abs=2e-6)  # the frame lies in the surface
 

@@ -50,7 +50,9 @@ def plant_with(model: PieceModel, *, collision: bool = False) -> tuple[Multibody
 def test_every_piece_of_the_package_can_be_added(name: str) -> None:
     model = load_piece(name)
     plant, _ = plant_with(model, collision=True)
+
     body = plant.GetBodyByName("tool")
+
     assert body.default_mass() == pytest.approx(model.mass, rel=1e-12)
     assert (
         len(plant.GetVisualGeometriesForBody(body))
@@ -71,6 +73,7 @@ def test_tool_and_load_have_the_figures_of_the_original(
 ) -> None:
     # script D30: 1 kg each, the pencil a point mass; centre of mass copied from link_6
     model = load_piece(name)
+
     assert model.mass == 1.0
     np.testing.assert_array_equal(model.inertia, inertia)
     np.testing.assert_array_equal(model.com, [-0.00706, -0.00017, -1.32e-6])
@@ -86,7 +89,9 @@ def test_the_tool_centre_point_is_the_pose_times_the_tcp() -> None:
     tcp = (0.0, 0.01, 0.07, 0.0, np.pi / 4, 0.0)
     plant, _ = plant_with(piece(tcp=tcp))
     expected = transform_from_pose(POSE) @ transform_from_pose(tcp)
+
     found = plant.GetFrameByName("tool_tcp").CalcPoseInWorld(plant.CreateDefaultContext())
+
     np.testing.assert_allclose(found.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-14)
 
 
@@ -101,6 +106,7 @@ def test_moments_are_about_the_centre_of_mass() -> None:
 def test_without_collision_only_visuals_are_added() -> None:
     plant, _ = plant_with(piece(shapes=[{"sphere": 0.1}]))
     body = plant.GetBodyByName("tool")
+
     assert len(plant.GetVisualGeometriesForBody(body)) == 1
     assert plant.GetCollisionGeometriesForBody(body) == []
 
@@ -128,7 +134,9 @@ def test_each_kind_of_shape_is_the_one_of_drake(
     pose = (0.1, 0.2, 0.3, 0.4, 0.5, 0.6)
     plant, scene_graph = plant_with(piece(folder=tmp_path, shapes=[{**shape, "pose": pose}]))
     (geometry,) = plant.GetVisualGeometriesForBody(plant.GetBodyByName("tool"))
+
     inspector = scene_graph.model_inspector()
+
     assert isinstance(inspector.GetShape(geometry), kind)
     assert inspector.GetPoseInFrame(geometry).IsNearlyEqualTo(transform_from_pose(pose), 1e-12)
 
@@ -136,11 +144,13 @@ def test_each_kind_of_shape_is_the_one_of_drake(
 def test_a_piece_can_be_touched_with_the_friction_of_the_library() -> None:
     plant, scene_graph = plant_with(piece(shapes=[{"sphere": 0.1}]), collision=True)
     (geometry,) = plant.GetCollisionGeometriesForBody(plant.GetBodyByName("tool"))
+
     friction = (
         scene_graph.model_inspector()
         .GetProximityProperties(geometry)
         .GetProperty("material", "coulomb_friction")
     )
+
     assert (friction.static_friction(), friction.dynamic_friction()) == (1.0, 0.9)
 
 
@@ -190,9 +200,12 @@ def test_a_density_gives_mass_centre_and_inertia_of_the_shapes() -> None:
     model = with_mass_properties(
         piece(density=500.0, shapes=[{"box": [0.1, 0.2, 0.3], "pose": pose}])
     )
+
     mass, com, moments = inertia_in_plant(model)
+
     assert mass == model.mass == pytest.approx(3.0)
     np.testing.assert_allclose(com, pose[:3], atol=1e-15)
+
     turn = transform_from_pose(pose).rotation().matrix()
     own = 3.0 / 12 * np.diag([0.2**2 + 0.3**2, 0.1**2 + 0.3**2, 0.1**2 + 0.2**2])
     np.testing.assert_allclose(moments, turn @ own @ turn.T, atol=1e-15)
@@ -201,7 +214,9 @@ def test_a_density_gives_mass_centre_and_inertia_of_the_shapes() -> None:
 def test_shapes_add_up_by_the_parallel_axis_theorem() -> None:
     whole = with_mass_properties(piece(density=1000.0, shapes=[{"box": [0.2, 0.1, 0.1]}]))
     halves = [{"box": [0.1, 0.1, 0.1], "pose": [x, 0, 0, 0, 0, 0]} for x in (-0.05, 0.05)]
+
     two = with_mass_properties(piece(density=1000.0, shapes=halves))
+
     for found, expected in zip(inertia_in_plant(two), inertia_in_plant(whole), strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-15)
 
@@ -209,11 +224,15 @@ def test_shapes_add_up_by_the_parallel_axis_theorem() -> None:
 def test_a_mesh_weighs_what_its_scale_says() -> None:
     rook = load_piece("rook")
     shapes = [{"mesh": "figure.obj", "scale": 2.0}]
+
     large = with_mass_properties(piece(folder=rook.folder, density=800.0, shapes=shapes))
+
     assert large.mass == pytest.approx(8 * rook.mass)
     np.testing.assert_allclose(large.inertia, 32 * np.array(rook.inertia), atol=1e-12)
+
     plant, scene_graph = plant_with(large)
     (geometry,) = plant.GetVisualGeometriesForBody(plant.GetBodyByName("tool"))
+
     np.testing.assert_array_equal(
         scene_graph.model_inspector().GetShape(geometry).scale3(), [2.0, 2.0, 2.0]
     )
@@ -230,6 +249,7 @@ def test_a_mass_without_an_inertia_fills_the_shapes() -> None:
 def test_figures_that_are_given_stay() -> None:
     shapes = [{"sphere": 0.1}]
     point = with_mass_properties(piece(mass=2.0, inertia=(0.0, 0.0, 0.0), shapes=shapes))
+
     assert (point.mass, point.com, point.inertia) == (2.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     assert with_mass_properties(piece(mass=2.0, com=(0.0, 0.0, 1.0), shapes=shapes)).com == (
         0.0,
@@ -242,17 +262,22 @@ def test_figures_that_are_given_stay() -> None:
 def test_products_of_inertia_reach_the_plant() -> None:
     inertia = (0.02, 0.03, 0.04, 0.001, -0.002, 0.003)
     _, _, moments = inertia_in_plant(piece(mass=2.0, inertia=inertia))
+
     expected = [[0.02, 0.001, -0.002], [0.001, 0.03, 0.003], [-0.002, 0.003, 0.04]]
+
     np.testing.assert_allclose(moments, expected, atol=1e-15)
 
 
 def test_a_changed_mass_replaces_a_density_and_the_other_way_round() -> None:
     rook = described_piece(piece_file("rook"))
     heavy, plain = with_changes(rook, {"mass": 1.0}, "x"), load_piece("rook")
+
     assert heavy.mass == 1.0
     np.testing.assert_allclose(heavy.inertia, np.array(plain.inertia) / plain.mass, atol=1e-15)
+
     pencil = described_piece(piece_file("pencil"))
     full = with_changes(pencil, {"density": 700.0}, "x")
+
     assert 0.05 < full.mass < 0.1
     assert full.inertia[0] > 0
     # a point mass it stays
@@ -275,6 +300,7 @@ def test_an_open_mesh_has_a_hull_but_no_volume(tmp_path: Path) -> None:
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\n"
     )
     shapes = [{"mesh": "a.obj"}]
+
     with pytest.raises(InvalidModel, match=r"a\.obj: .*encloses a volume.*give the mass instead"):
         with_mass_properties(piece(folder=tmp_path, density=1.0, shapes=shapes))
     np.testing.assert_allclose(
@@ -295,7 +321,9 @@ def test_each_frame_is_one_of_the_plant() -> None:
     turned = transform_from_pose([0, 0, 0, np.deg2rad(120), 0, 0]) @ transform_from_pose(
         [0.2, 0, 0, 0, 0.3, 0]
     )
+
     expected = transform_from_pose(POSE) @ transform_from_pose([0, 0, 0.05, 0, 0, 0]) @ turned
+
     np.testing.assert_allclose(found.GetAsMatrix4(), expected.GetAsMatrix4(), atol=1e-12)
     assert plant.HasFrameNamed("tool_side")
     assert plant.HasFrameNamed("tool_tcp")
@@ -350,7 +378,9 @@ def test_a_mesh_that_a_piece_may_not_have_is_named(tmp_path: Path, mesh: str, pr
     folder.mkdir()
     for file in (tmp_path / "a.obj", folder / "a.stl"):
         file.write_text("v 0 0 0")
+
     (folder / "piece.yaml").write_text(f"shapes: [{{mesh: {mesh}}}]")
+
     with pytest.raises(InvalidModel, match=problem):
         described_piece(folder / "piece.yaml")
 
@@ -359,8 +389,11 @@ def test_a_mesh_that_is_deleted_after_its_piece_was_read_is_missing(tmp_path: Pa
     file = tmp_path / "piece.yaml"
     file.write_text("shapes: [{mesh: a.obj}]")
     mesh = tmp_path / "a.obj"
+
     mesh.write_text("v 0 0 0")
+
     assert described_piece(file) is described_piece(file)
+
     mesh.unlink()
     with pytest.raises(InvalidModel, match=r"there is no file .*a\.obj"):
         described_piece(file)

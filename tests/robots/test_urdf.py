@@ -71,7 +71,9 @@ def test_a_clean_urdf_passes_and_drake_reads_it(write_urdf: Write, one_joint_urd
     path = write_urdf(one_joint_urdf)
     root = read_urdf(path)
     check_urdf(root, path)
+
     plant = parsed(root, path.parent, collision=True)
+
     assert plant.num_actuators() == 1
     assert plant.GetJointByName("shoulder").position_upper_limits() == [2.0]
 
@@ -88,14 +90,18 @@ def test_elements_of_drake_are_read_whatever_stands_before(
 ) -> None:
     text = one_joint_urdf.replace('velocity="3"/>', 'velocity="3" drake:acceleration="7"/>')
     root = read_urdf(write_urdf(before + text.replace("<robot", f"<robot{declared}")))
+
     limit = root.find("joint/limit")
+
     assert limit is not None
     assert limit.get("{http://drake.mit.edu}acceleration") == "7"
 
 
 def test_a_clean_urdf_tells_its_joints_and_ends(write_urdf: Write, one_joint_urdf: str) -> None:
     root = read_urdf(write_urdf(one_joint_urdf))
+
     assert movable_joints(root) == ["shoulder"]
+
     shoulder, flange = (root.find(f"joint[@name='{name}']") for name in ("shoulder", "flange"))
     assert joint_limits(shoulder) == (-1.0, 2.0)
     assert joint_limits(flange) == (-np.inf, np.inf)
@@ -110,7 +116,9 @@ def test_a_continuous_joint_needs_an_effort_but_no_range(
 ) -> None:
     text = one_joint_urdf.replace("revolute", "continuous").replace(LIMIT, '<limit effort="10"/>')
     path = write_urdf(text)
+
     check_urdf(read_urdf(path), path)
+
     assert joint_limits(read_urdf(path).find("joint[@name='shoulder']")) == (-np.inf, np.inf)
 
 
@@ -480,17 +488,21 @@ def test_a_flat_body_may_have_one_moment_equal_to_the_others_sum(
     moments = (
         parsed(root, path.parent, collision=False).GetBodyByName("upper").default_spatial_inertia()
     )
+
     about_com = moments.Shift(moments.get_com()).CopyToFullMatrix6()[:3, :3]
+
     np.testing.assert_allclose(np.diag(about_com), [0.01, 0.02, 0.03], atol=1e-15)
 
 
 def test_moving_links_without_mass_are_listed(write_urdf: Write, one_joint_urdf: str) -> None:
     assert links_without_inertia(read_urdf(write_urdf(one_joint_urdf))) == []
+
     start, end = (
         one_joint_urdf.index("<inertial>"),
         one_joint_urdf.index("</inertial>") + len("</inertial>"),
     )
     text = one_joint_urdf.replace(one_joint_urdf[start:end], "")
+
     assert links_without_inertia(read_urdf(write_urdf(text))) == ["upper"]
 
 
@@ -502,9 +514,11 @@ def test_mass_behind_a_fixed_joint_counts_for_the_link_that_moves(
         one_joint_urdf.index("</inertial>") + len("</inertial>"),
     )
     inertial = one_joint_urdf[start:end]
+
     text = one_joint_urdf.replace(inertial, "").replace(
         '<link name="tip"/>', f'<link name="tip">{inertial}</link>'
     )
+
     assert links_without_inertia(read_urdf(write_urdf(text))) == []
 
 
@@ -533,7 +547,9 @@ def test_a_mesh_that_cannot_be_used_is_named(
     outside.write_text(TETRAHEDRON)
     (path.parent / "linked.obj").symlink_to(outside)
     root = read_urdf(path)
+
     check_urdf(root, path)
+
     with pytest.raises(InvalidModel, match=f"mesh '{filename}'") as problem:
         with_absolute_meshes(root, path.parent)
     assert expected in str(problem.value)
@@ -557,17 +573,21 @@ def test_a_mesh_in_the_folder_reaches_drake_whatever_its_name(
     body = plant.GetFrameByName(
         "tip"
     ).body()  # it is fixed to "upper", which has a visual of its own
+
     visuals, collisions = (
         plant.GetVisualGeometriesForBody(body),
         plant.GetCollisionGeometriesForBody(body),
     )
+
     assert (len(visuals), len(collisions)) == ((2, 0) if role == "visual" else (1, 1))
 
 
 def test_without_collision_only_the_visuals_stay(write_urdf: Write, one_joint_urdf: str) -> None:
     path = write_urdf(one_joint_urdf)
     root = read_urdf(path)
+
     plant = parsed(root, path.parent, collision=False)
+
     assert plant.num_collision_geometries() == 0
     assert len(plant.GetVisualGeometriesForBody(plant.GetBodyByName("upper"))) == 1
     assert root.find("link/collision") is not None  # the element that was given is not changed
@@ -575,10 +595,13 @@ def test_without_collision_only_the_visuals_stay(write_urdf: Write, one_joint_ur
 
 def test_names_that_no_mesh_can_have_are_refused(write_urdf: Write, one_joint_urdf: str) -> None:
     path = write_urdf(one_joint_urdf.replace(CYLINDER, f'<mesh filename="{"a" * 300}.obj"/>'))
+
     with pytest.raises(InvalidModel, match="cannot be the name of a file"):
         with_absolute_meshes(read_urdf(path), path.parent)
+
     (path.parent / "round.obj").symlink_to("round.obj")
     path = write_urdf(one_joint_urdf.replace(CYLINDER, '<mesh filename="round.obj"/>'))
+
     with pytest.raises(InvalidModel, match="round"):
         with_absolute_meshes(read_urdf(path), path.parent)
 
@@ -591,7 +614,9 @@ def test_elements_of_drake_itself_are_kept(
 ) -> None:
     text = one_joint_urdf.replace('velocity="3"/>', 'velocity="3" drake:acceleration="7"/>')
     path = write_urdf(text.replace('<robot name="arm">', f'<robot name="arm"{declared}>'))
+
     plant = parsed(read_urdf(path), path.parent, collision=True)
+
     assert plant.GetJointByName("shoulder").acceleration_upper_limits() == [7.0]
 
 

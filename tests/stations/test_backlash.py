@@ -54,6 +54,7 @@ def link_and_motor(rod: Path, changes: dict[str, Any]) -> tuple[np.ndarray, np.n
 def test_the_link_lies_on_the_lower_side_of_its_play(rod: Path, changes: dict[str, Any]) -> None:
     """While the rod is lifted, the link is half of the play behind its motor, and half ahead of it beyond the top."""
     link, motor = link_and_motor(rod, changes)
+
     up, over = (motor > 10) & (motor < 60), motor > 130
     np.testing.assert_allclose((link - motor)[up], -PLAY / 2, atol=0.02)
     np.testing.assert_allclose((link - motor)[over], PLAY / 2, atol=0.02)

@@ -67,7 +67,9 @@ if "policy" in controllers.KINDS:  # the extension learning adds it
 def test_a_station_reaches_nothing_of_others(places, key, way):
     own, other = places
     os.symlink(other, own / "link")
+
     file = station(own, OTHERS[key].replace("OTHER", way.format(other=other)))
+
     with pytest.raises(InvalidConfig) as refusal:
         load_station(file)
     told = str(refusal.value)
@@ -81,17 +83,21 @@ def test_the_user_may_allow_it(places):
     file = station(
         own, f"robot: {{urdf: arm.urdf}}\nreference: {{kind: table, file: {other}/table.csv}}"
     )
+
     config = load_station(file, mesh_path=[other])
+
     assert config.reference.file == other / "table.csv"
     assert (
         resolve(config).robots["robot"].model.element.find("link/visual/geometry/mesh") is not None
     )
+
     with granting([other]):
         assert granted_folders() == [other]
         load_station(file)
     assert granted_folders() == []
     with pytest.raises(InvalidConfig, match=r"reference.file"):
         load_station(file)
+
     load_station(station(own, "robot: {urdf: arm.urdf}"), {"robot.urdf": str(other / "arm.urdf")})
 
 
@@ -105,6 +111,7 @@ def test_the_package_of_a_station_is_its_own(places):
     own, _ = places
     (own / "package.xml").write_text("<package><name>downloaded</name></package>")
     (own / "stations").mkdir()
+
     load_station(station(own / "stations", "robot: {urdf: ../arm.urdf}"))
 
 
@@ -112,7 +119,9 @@ def test_a_station_that_allows_itself_all_reads_no_file_of_the_machine(tmp_path)
     (tmp_path / "host.yaml").write_text("kept: secret")
     (tmp_path / "own").mkdir()
     options = f"{{mesh_path: ['{tmp_path.anchor}']}}"
+
     file = station(tmp_path / "own", f"robot: {{urdf: arm.xacro, import_options: {options}}}")
+
     with pytest.raises(InvalidConfig, match=r"robot.import_options.mesh_path"):
         load_station(file)
 
@@ -120,13 +129,17 @@ def test_a_station_that_allows_itself_all_reads_no_file_of_the_machine(tmp_path)
 def test_other_files_are_held_to_the_same_border(places, tmp_path):
     own, other = places
     robot = own / "robot.yaml"
+
     robot.write_text("urdf: ../private/arm.urdf\nroot: base\naxes: [j]\n")
+
     with pytest.raises(InvalidConfig, match="is outside the robot's folder"):
         load_robot_file(robot)
+
     station(other, "robot: {urdf: arm.urdf}")
     with pytest.raises(InvalidConfig, match=r"station: .*is outside the allowed folders"):
         station_with_absolute_path("../private/station.yaml", own / "program.yaml")
     assert station_with_absolute_path("irb120_dynamic", own / "program.yaml") == "irb120_dynamic"
+
     (own / "program.yaml").write_text(
         f"changes: [{{time: 1, set: {{start: {other}/start.json}}}}]\n"
     )
@@ -168,7 +181,9 @@ pieces:
     moved = result.rename(tmp_path / "elsewhere")
     for folder in (own, other):
         folder.rename(folder.with_name(f"{folder.name}_gone"))
+
     after = resolve(load_station(moved / "station.yaml"))
+
     assert (moved / FILES / "reference" / "table.csv").is_file()
     model = after.robots["robot"].model
     assert model.folder.is_relative_to(moved)

@@ -37,6 +37,7 @@ def test_a_sound_station_has_no_warnings():
 
 def test_too_weak_a_motor_is_foretold_with_its_figures():
     finding = text_of(findings({"servo.torque_limit": 10}), "torque of joint_2")
+
     assert finding.level == "warning"
     assert "-20.79 N·m at the end" in finding.text  # facts of the arm
     assert "the limit is 10 N·m" in finding.text
@@ -49,6 +50,7 @@ def test_too_fast_a_reference_is_foretold():
         for finding in findings({"reference.duration": 0.1})
         if finding.subject == "reference of robot"
     ]
+
     texts = [finding.text for finding in found if finding.level == "warning"]
     # 300 deg/s is too fast for these axes; those of the wrist may have 320 and 420.
     assert len(texts) == 3
@@ -66,6 +68,7 @@ def test_a_reference_that_begins_away_from_the_robot_is_foretold():
         "robot.initial_deg": {"joint_5": 90, "joint_1": -20},
     }
     (jump,) = [finding for finding in findings(away) if "start of" in finding.subject]
+
     assert jump.level == "warning"
     assert jump.text.startswith(
         "joint_5 begins at 90 deg, but its reference begins at 0 deg, and 1 other axis jumps too;"
@@ -85,7 +88,9 @@ def test_the_start_of_an_only_robot_is_set_under_the_key_of_its_section(section)
         "reference": {"kind": "hold", "target_deg": 0},
     }
     settings = {f"{section}.initial_deg": {"joint_5": 90}}
+
     checked = check_station(load_station({"name": "only_one"}, station | settings))
+
     (jump,) = [finding for finding in checked if "start of" in finding.subject]
     assert jump.text.endswith(
         f"; set {section}.initial_deg, or let the reference begin at the robot's initial position"
@@ -105,6 +110,7 @@ def test_too_heavy_a_load_is_foretold():
 
 def test_a_kinematic_arm_too_weak_for_its_load_and_one_that_carries_too_much_are_told():
     found = findings({"pieces.load.mass": 60}, "irb120_kinematic")
+
     assert "the joint does not hold" in text_of(found, "torque of joint_2").text
     (payload,) = [
         finding
@@ -114,6 +120,7 @@ def test_a_kinematic_arm_too_weak_for_its_load_and_one_that_carries_too_much_are
     assert payload.text.startswith(
         "the robot carries 61 kg (gripper 1 kg + load 60 kg), but its rated payload is 3 kg"
     )
+
     result = simulate(
         load_station("irb120_kinematic", {"pieces.load.mass": 8, "duration": 0.1}), progress=False
     )
@@ -184,6 +191,7 @@ def test_the_sag_is_foretold_and_judged_by_the_bound_of_the_verdict(kp, level):
 def test_a_tool_that_sags_below_the_floor_is_foretold():
     found = findings({"servo.kp": 50})
     tool = text_of(found, "tool of robot")
+
     assert tool.level == "warning"
     assert "after the joints have sagged, load is 112 mm below the floor (bound 5 mm)" in tool.text
     assert not [
@@ -200,6 +208,7 @@ def test_without_a_bound_no_sag_is_judged():
 
 def test_explicit_servos_with_long_steps_are_foretold():
     finding = text_of(findings({"solver.kind": "discrete", "solver.time_step": 0.01}), "steps")
+
     assert finding.level == "warning"
     assert "joint_6" in finding.text
     assert (
@@ -237,8 +246,10 @@ def test_a_reference_beyond_a_limit_is_an_error():
 def test_bodies_that_penetrate_at_the_start_are_named():
     close = {"contact": {"model": "point"}, "robots.right.base": [0.05, 0.45, 0, 0, 0, 0]}
     finding = text_of(findings(close, "two_irb120"), "contact")
+
     assert finding.level == "warning"
     assert "mm at the start" in finding.text
+
     apart = text_of(findings({"contact": {"model": "point"}}, "two_irb120"), "contact")
     assert apart.level == "ok"
 
@@ -248,12 +259,15 @@ def test_a_check_builds_the_station_twice_with_and_without_shapes(monkeypatch):
     monkeypatch.setattr(
         plant, "add_robot", lambda *given, **kw: built.append(given) or add_robot(*given, **kw)
     )
+
     findings(station="irb120_force_stop")
+
     assert len(built) == 2
 
 
 def test_a_check_lists_where_each_piece_hangs():
     found = findings(station="irb120_chess")
+
     assert (
         text_of(found, "pieces.gripper").text
         == "mounted on robot, at frame tool0, with its origin at 0 0 0 m"
@@ -266,6 +280,7 @@ def test_a_check_lists_where_each_piece_hangs():
         text_of(found, "pieces.chess_board").text
         == "mounted on world, with its origin at 0.175 -0.2 0.15 m"
     )
+
     ball = text_of(findings(station="bouncing_ball"), "pieces.ball")
     assert ball.text == "free: only gravity and contact move it"
     assert {finding.level for finding in found if finding.subject.startswith("pieces.")} == {"note"}
@@ -274,9 +289,11 @@ def test_a_check_lists_where_each_piece_hangs():
 @pytest.mark.long
 def test_nothing_is_in_order_that_was_not_looked_at():
     found = findings(station="humanoid_walking")
+
     assert text_of(found, "controllers.walk").level == "note"
     assert "not examined" in text_of(found, "controllers.walk").text
     assert text_of(findings(), "contact").level == "note"
+
     ok = text_of(findings(), "reference of robot")
     # 30 of 250 deg/s
     assert (
@@ -315,6 +332,7 @@ def test_a_motion_through_the_floor_is_only_a_note_with_contact():
 def test_links_that_run_into_each_other_are_foretold():
     folded = {"pieces": {}, "reference.target_deg": {"joint_1": 120, "joint_2": 90, "joint_3": 60}}
     finding = text_of(findings(folded), "links of robot")
+
     assert finding.level == "warning"
     assert finding.text.startswith("base_link and link_5 overlap by ")
     assert text_of(findings({"pieces": {}}), "links of robot").level == "ok"
@@ -325,6 +343,7 @@ def test_a_robot_in_a_piece_is_foretold():
     finding = text_of(
         findings({"pieces": {"box": box}, "reference.kind": "hold"}), "robots and pieces"
     )
+
     assert finding.level == "warning"
     assert finding.text.startswith("box and link_")
     away = {**box, "pose": [2, 0, 0.63, 0, 0, 0]}
@@ -346,11 +365,13 @@ def test_rigid_bodies_that_would_meet_in_points_are_named(one_joint_urdf, write_
     (file := tmp_path / "two.yaml").write_text(
         json.dumps({**overrides, "reference": {"kind": "hold"}})
     )
+
     (warning,) = [
         f.text
         for f in check_station(load_station(file))
         if f.level == "warning" and f.subject == "contact"
     ]
+
     assert "left::arm::upper and right::arm::upper touch only at points" in warning
 
 

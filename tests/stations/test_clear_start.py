@@ -28,7 +28,9 @@ def tip_heights(shoulder: float, lift: np.ndarray, elbow: np.ndarray) -> np.ndar
 def test_the_first_move_of_an_outstretched_arm_stays_over_the_floor(robot_of, tmp_path):
     """Both joints turned by +20 deg from zero, its tip would be 0.2 m below the floor."""
     swing = tip_heights(0.2, *np.deg2rad([[20.0], [20.0]]))
+
     assert swing[0] < -0.2
+
     urdf = robot_of(
         BASE,
         link("upper", *BAR),
@@ -43,7 +45,9 @@ def test_the_first_move_of_an_outstretched_arm_stays_over_the_floor(robot_of, tm
     axes = ("upper_joint", "lower_joint")
     first = np.array([begin.get(axis, 0.0) for axis in axes] if begin else [0.0, 0.0])
     target = config.reference.target_deg
+
     last = np.array([target[axis] for axis in axes] if isinstance(target, dict) else [target] * 2)
+
     assert (np.abs(last - first) > 5).any()
     way = np.deg2rad(first + np.linspace(0, 1, 50)[:, np.newaxis] * (last - first))
     assert tip_heights(0.2, *way.T).min() > 0.0
@@ -53,7 +57,9 @@ def test_the_first_move_of_an_outstretched_arm_stays_over_the_floor(robot_of, tm
 def test_a_posture_is_found_that_weak_motors_hold(robot_of, clearance_of):
     weight = GRAVITY * 1.0 * 0.2  # N m, of a level bar
     urdf = robot_of(BASE, link("bar", *BAR), joint("bar", "base", "0 0 0.6", effort=0.7 * weight))
+
     start = start_of(clearance_of(urdf), torque=True)
+
     for angle in (start.posture[0], start.target[0]):
         assert weight * np.cos(angle) < 0.9 * 0.7 * weight
     assert any(
@@ -71,9 +77,11 @@ def test_many_weak_motors_are_eased_one_after_the_other(robot_of, clearance_of):
         joint(name, "base", f"0 {0.2 * place} 1", span=(-1.1, 1.1), effort=0.7 * weight)
         for place, name in enumerate(names)
     ]
+
     start = start_of(
         clearance_of(robot_of(BASE, *(link(name, *BAR) for name in names), *hinges)), torque=True
     )
+
     for posture in (start.posture, start.target):
         assert (weight * np.cos(posture) <= 0.9 * 0.7 * weight).all()
     assert not any("No start" in remark for remark in start.remarks)
@@ -86,7 +94,9 @@ def test_without_a_posture_that_holds_the_draft_says_what_is_lacking(robot_of, c
         link("bar", *BAR),
         joint("bar", "base", "0 0 0.6", span=(-0.1, 0.1), effort=0.5 * weight),
     )
+
     start = start_of(clearance_of(urdf), torque=True)
+
     np.testing.assert_array_equal(start.target, start.posture)
     (remark,) = [
         remark for remark in start.remarks if "No start without faults was found" in remark
@@ -98,6 +108,7 @@ def test_without_a_posture_that_holds_the_draft_says_what_is_lacking(robot_of, c
 def test_a_base_that_reaches_below_its_root_is_raised(robot_of, clearance_of):
     urdf = robot_of(link("base", "0.1 0.1 0.3"), link("bar", *BAR), joint("bar", "base", "0 0 0.4"))
     start = start_of(clearance_of(urdf))
+
     assert start.height == pytest.approx(0.15, abs=1e-9)
     assert "The root is raised by 0.15 m, so that the robot stands on the floor." in start.remarks
 
@@ -112,7 +123,9 @@ def test_links_that_cannot_all_be_high_are_just_over_the_floor(robot_of, clearan
         joint("left", "base", "0 0 0.035", span=(-0.05, 0.05)),
         joint("right", "left", "0 0 0", span=(-1e-3, 1e-3)),
     )
+
     start = start_of(clearance_of(urdf))
+
     assert not any("No start" in remark for remark in start.remarks)
     for tilt in np.linspace(start.posture[0], start.target[0], 20):
         assert 0.035 - 0.005 - 0.3 * np.sin(abs(tilt)) > 0
@@ -125,6 +138,7 @@ def test_what_hangs_is_held_over_the_floor(robot_of, clearance_of):
         joint("rod", "base", "0 0 0"),
     )
     start = start_of(clearance_of(urdf))
+
     assert start.height > 0.6
     assert any(remark.startswith("The root is held ") for remark in start.remarks)
 
@@ -138,13 +152,18 @@ def test_fingers_in_each_other_are_turned_apart(robot_of, clearance_of):
         joint(name, "base", f"0 {y} 0.4", "1 0 0") for name, y in (("one", 0.0), ("two", 0.013))
     ]
     clearance = clearance_of(robot_of(BASE, *FINGERS, *hinges))
+
     (overlap,) = clearance.overlaps()
+
     assert (overlap.bodies, overlap.robot) == (("one", "two"), "robot")
     assert overlap.depth == pytest.approx(7e-3, abs=1e-6)
+
     robot = clearance.station.robots["robot"]
     posture = reduce_own_overlaps(clearance, robot, np.zeros(2), {1})
+
     assert posture[0] == 0.0
     assert posture[1] < 0  # about x: away from the other, which stands upright
+
     clearance.place_robots({"robot": posture})
     assert all(overlap.depth <= OWN_TOLERANCE for overlap in clearance.overlaps())
 
@@ -156,7 +175,9 @@ def test_sockets_do_not_count(robot_of, clearance_of):
     urdf = robot_of(
         BASE, ring, ball, joint("ring", "base", "0 0 0.15", "0 0 1"), joint("ball", "ring", "0 0 0")
     )
+
     clearance = clearance_of(urdf)
+
     assert clearance.policy.permanent_overlaps == {("ball", "base"): "robot"}
     assert clearance.overlaps() == []
 
@@ -166,6 +187,7 @@ def test_of_a_robot_without_shapes_nothing_is_said_to_be_clear(robot_of, clearan
     remarks = start_of(
         clearance_of(robot_of(*bare, joint("bar", "base", "0 0 0.2"))), torque=True
     ).remarks
+
     assert remarks[0] == "Collisions were not checked, since the robot has no collision shapes."
     assert not any("no collision with" in remark for remark in remarks)
     assert "to hold the robot" in remarks[-1]

@@ -155,11 +155,15 @@ def test_refusals_have_the_line_to_write(tmp_path: Path, name: str, text: str, l
 
 def test_the_line_of_the_refusal_closes_the_loop(tmp_path: Path) -> None:
     file = written(tmp_path, "four_bar.urdf", FOUR_BAR)
+
     with pytest.raises(InvalidModel) as refused:
         examine_robot(file)
+
     coupling = yaml.safe_load(str(refused.value).split("`")[1])
     by_hand = examine_robot(file, ImportOptions(drop_loops=True))
+
     assert any(entry.kind == "lost" for entry in by_hand.report.entries)
+
     own = content_of(drafted(file))["couplings"]
     assert coupling.keys() == own.keys()
     assert {key: coupling["d"][key] for key in ("kind", "body", "other")} == {

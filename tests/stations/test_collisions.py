@@ -47,8 +47,10 @@ def test_links_that_are_no_neighbours_collide_and_neighbours_do_not(folding):
     which is 0.1 m wide and high.
     """
     model = model_of(folding)
+
     assert overlaps_at(model, 0.0, 0.0) == []
     assert overlaps_at(model, 0.0, np.pi) == []
+
     (found,) = overlaps_at(model, 0.0, np.deg2rad(155))
     assert (found.bodies, found.robot) == (("base", "lower"), "robot")
 
@@ -61,8 +63,10 @@ def test_the_tolerance_within_a_robot_is_5_mm(robot_of, gap, collides):
     lift = joint("plate", "carriage", "0 0 0.2", "0 0 1", span=(-0.2, 0.2))
     lift = lift.replace('type="revolute"', 'type="prismatic"')
     urdf = robot_of(BASE, carriage, link("plate", "0.1 0.1 0.02"), slide, lift)
+
     # The plate's lower face is at 0.2 + z - 0.01.
     found = overlaps_at(model_of(urdf), 0.0, gap + 0.11 - 0.2)
+
     assert [overlap.depth for overlap in found] == pytest.approx([0.0055] * collides)
 
 
@@ -71,9 +75,12 @@ def test_links_that_touch_at_home_are_left_out_and_others_are_not(robot_of):
     fingers = [link(name, "0.02 0.02 0.2", "0 0 0.1") for name in ("one", "two", "three")]
     places = {"one": 0.0, "two": 0.013, "three": 0.06}
     hinges = [joint(name, "base", f"0 {y} 0.4", "1 0 0") for name, y in places.items()]
+
     model = model_of(robot_of(BASE, *fingers, *hinges))
+
     assert dict(model.policy.home_contacts) == {("one", "two"): "robot"}
     assert overlaps_at(model, -0.2, 0.2, 0.0) == []
+
     found = overlaps_at(model, 0.0, 0.0, 0.4)  # about x: towards the other two
     assert {overlap.bodies for overlap in found} == {("one", "three"), ("three", "two")}
 
@@ -84,7 +91,9 @@ def test_a_carried_piece_collides_with_the_links_of_its_robot():
     bar = PieceConfig(model="bar_30", parent="robot")
     robots = {"robot": {"model": "irb120"}}
     config = StationConfig(name="bar", mode="kinematic", robots=robots, pieces={"bar": bar})
+
     found = overlaps_at(StationModel(config, collision=True), *posture)
+
     bodies = {overlap.bodies for overlap in found}
     assert ("bar", "link_1") in bodies
     assert all("bar" in pair for pair in bodies)
@@ -129,5 +138,7 @@ def test_a_rod_through_a_ring_lies_in_its_hull_and_not_in_the_ring(robot_of, off
         slide,
     )
     (urdf.parent / "ring.obj").write_text(ring_obj(0.08, 0.1, 0.1))
+
     found = overlaps_at(model_of(urdf), 0.0, 0.0, offset)
+
     assert [overlap.bodies for overlap in found] == [("ring", "rod")] * collides

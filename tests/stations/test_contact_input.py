@@ -159,7 +159,9 @@ def test_the_solver_holds_the_largest_stiffness_that_is_named(time_step):
     )
     overrides = {**SAP, "solver.time_step": time_step, "contact.stiffness": stiffness}
     overrides["pieces.ball.pose"] = [0, 0, 0.06, 0, 0, 0]
+
     result = simulate(load_station("bouncing_ball", overrides), duration=1.0)
+
     assert -result["distance.gap"][-1] == pytest.approx(0.9048 * 9.80665 / stiffness, rel=0.1)
 
 
@@ -183,6 +185,7 @@ def test_a_sensor_between_parts_of_one_robot_says_why_it_cannot_work():
 
 def test_force_limits_of_body_regions_are_those_of_the_standard():
     regions = quasi_static_limits()
+
     assert (regions["face"], regions["hands_and_fingers"], regions["thighs_and_knees"]) == (
         65,
         140,

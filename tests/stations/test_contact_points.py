@@ -97,6 +97,7 @@ def test_a_box_at_rest_presses_with_its_weight(write_station, solver):
     result = run(
         write_station, {"box": box}, solver, sensors={"felt": {"kind": "force", "body": "box"}}
     )
+
     late = result.times > 0.5
     assert result["force.felt.z"][late] == pytest.approx(3 * G, rel=0.001)
     assert np.abs(result["force.felt.x"]).max() < 0.1
@@ -139,7 +140,9 @@ def test_a_tall_box_tips_where_its_centre_leaves_its_base(write_station, solver,
     size = [0.1, 0.1, 0.2]  # it tips at arctan(0.1 / 0.2) = 26.6 degrees
     box = {"box": size, "mass": 3, "free": True, "pose": on_slope(size, degrees)}
     floor = {"size": 20, "incline_deg": degrees}
+
     result = run(write_station, {"box": box}, solver, floor=floor, friction=1.0, duration=1.5)
+
     assert (way(result, "box") > 0.05) == tips
 
 
@@ -164,7 +167,9 @@ def test_turned_boxes_stack_and_crossed_beams_carry_each_other(write_station, so
     }
     sensors = {name: {"kind": "force", "body": name} for name in ("high", "cross")}
     sensors["floor"] = {"kind": "force", "body": "low", "other": "floor"}
+
     result = run(write_station, boxes, solver, sensors=sensors)
+
     late = result.times > 0.5
     for name, load in (("high", 3), ("cross", 1), ("floor", 6)):
         assert result[f"force.{name}.z"][late] == pytest.approx(load * G, rel=0.02)
@@ -216,7 +221,9 @@ def test_a_single_point_is_still_to_be_had_and_its_verdict_says_what_is_wrong(wr
     crate = {"box": [0.3, 0.2, 0.15], "mass": 2, "free": True, "pose": [0, 0, 0.075, 0, 0, 0]}
     push = {"kind": "push", "at": "crate", "start": 0.1, "duration": 0.8, "force": [15, 0, 0]}
     contact = {"friction": {"static": 0.4, "dynamic": 0.4}, "corners": False}
+
     result = run(write_station, {"crate": crate}, "lagged", contact=contact, forces={"shove": push})
+
     assert abs(result["piece.crate.x"][-1]) < 0.01  # it sticks, against Coulomb's law
     assert any("set contact.corners to true" in warning for warning in result.warnings)
     assert any(
@@ -352,18 +359,22 @@ def test_bodies_that_are_deep_in_each_other_do_not_start(write_station):
         "low": {"box": [0.2, 0.2, 0.2], "parent": "world", "pose": [0, 0, 0.1, 0, 0, 0]},
         "high": {"box": [0.2, 0.2, 0.2], "mass": 3, "free": True, "pose": [0, 0, 0.26, 0, 0, 0]},
     }
+
     with pytest.raises(
         InvalidParameter, match=r"overlap of high and low is 40\.0 mm; it must be at most 10 mm"
     ):
         run(write_station, pieces, "radau3")
+
     config = load_station(
         write_station({"pieces": pieces, "floor": {"size": 1}, "contact": {}, "duration": 1.0})
     )
     (finding,) = [one for one in check_station(config) if one.subject == "contact"]
+
     assert finding.level == "warning"
     assert finding.text.startswith(
         "high and low overlap by 40.0 mm at the start, so a run does not begin"
     )
+
     pieces["high"]["pose"][2] = 0.299
     assert run(write_station, pieces, "cenic", duration=0.1).ending == "completed"
 
@@ -382,7 +393,9 @@ def test_aligned_boxes_stack_on_soft_contacts(write_station, solver):
     contact = {"stiffness": 1e4, "dissipation": 10, "friction": friction}
     verdict = {"penetration": 0.02}
     result = run(write_station, boxes, solver, contact=contact, verdict=verdict, duration=1.5)
+
     x, y, z = result.piece_pose("high")[-1, :3]
+
     assert abs(x) < 1e-3
     assert abs(y) < 1e-3
     assert z == pytest.approx(0.3 - 30 * G / (16 * 1e4), abs=2e-5)

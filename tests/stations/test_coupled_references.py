@@ -58,6 +58,7 @@ def test_either_axis_of_a_pair_moves_the_other(tmp_path, asked):
         station(tmp_path, "ab", couplings=couplings, reference=moving(**{asked: 20})),
         progress=False,
     )
+
     np.testing.assert_allclose(2 * result["q_ref.a"] + result["q_ref.b"], 0.0, atol=1e-12)
     np.testing.assert_allclose(2 * result["q.a"] + result["q.b"], 0.0, atol=1e-5)
     assert result[f"q.{asked}"][-1] == pytest.approx(np.deg2rad(20), abs=2e-3)
@@ -76,7 +77,9 @@ def test_two_motors_no_longer_press_against_each_other(tmp_path):
         reference=moving(slide_l=0.0),
         **{"": start},
     )
+
     result = simulate(config, progress=False)
+
     np.testing.assert_allclose(result.axes("q")[-1], 0.0, atol=1e-3)
     assert result.verdict["torque_share"].worst.value < 0.5
 
@@ -86,13 +89,16 @@ def test_two_leaders_move_independently(tmp_path):
     config = station(
         tmp_path, "abcd", mode="kinematic", couplings=couplings, reference=moving(a=20, c=10)
     )
+
     end = simulate(config, progress=False).axes("q")[-1]
+
     np.testing.assert_allclose(np.rad2deg(end), [20, 20, 10, -20], atol=1e-9)
 
 
 @pytest.mark.skipif(not TENDONS.is_there, reason="older Drake couples two axes at most")
 def test_a_planetary_gear_needs_two_of_three(tmp_path):
     couplings = {"planets": gear(sun=1, ring=2, carrier=-3)}
+
     with pytest.raises(
         SimrobError, match=r"no value for carrier and ring.*coupled by couplings.planets"
     ):
@@ -101,9 +107,12 @@ def test_a_planetary_gear_needs_two_of_three(tmp_path):
                 tmp_path, ["sun", "ring", "carrier"], couplings=couplings, reference=moving(sun=30)
             )
         )
+
     both = moving(sun=30, ring=-9)
     config = station(tmp_path, ["sun", "ring", "carrier"], couplings=couplings, reference=both)
+
     result = simulate(config, progress=False)
+
     np.testing.assert_allclose(np.rad2deg(result.axes("q_ref")[-1]), [30, -9, 4], atol=1e-9)
     np.testing.assert_allclose(np.rad2deg(result.axes("q")[-1]), [30, -9, 4], atol=0.1)
     with pytest.raises(
@@ -118,7 +127,9 @@ def test_an_axis_of_another_robot_follows_in_time(tmp_path):
     couplings = {"belt": {"kind": "gear", "ratios": {"two.b": 1, "one.a": -1}}}
     references = {"one": {"reference": moving(a=20)}, "two": {"reference": {"kind": "hold"}}}
     config = station(tmp_path, {"one": "ac", "two": "bd"}, couplings=couplings, **references)
+
     result = simulate(config, progress=False)
+
     np.testing.assert_allclose(result["two.q_ref.b"], result["one.q_ref.a"], atol=1e-12)
     assert result["two.q.b"][-1] == pytest.approx(np.deg2rad(20), abs=3e-3)
     assert np.ptp(result["two.q_ref.d"]) == 0
@@ -132,8 +143,11 @@ def test_an_axis_without_a_motor_gives_way(tmp_path):
         for key, value in servo.items()
     }
     config = station(tmp_path, "ab", couplings=couplings, servo=servo, reference=moving(a=20, b=0))
+
     result = simulate(config, progress=False)
+
     assert np.ptp(result["q_ref.b"]) == 0  # nobody heeds it
+
     summary = result.verdict["final_error"].summary()
     assert summary["each"]["b"] is None
     assert summary["left_out"] == {"b": "no motor drives it"}
@@ -179,7 +193,9 @@ def gripper(tmp_path):
 
 def test_fingers_close_together_and_are_not_reported_as_zero(gripper):
     result = simulate(gripper, progress=False)
+
     np.testing.assert_allclose(result.axes("q")[-1], 0.0, atol=1e-3)
+
     figures = json.loads(json.dumps(result.verdict.summary()))["figures"]
     for name in ("final_error", "largest_error", "torque_share", "torque_time"):
         assert figures[name]["each"]["left"] is None
@@ -190,7 +206,9 @@ def test_fingers_close_together_and_are_not_reported_as_zero(gripper):
 def test_programs_move_partners(gripper):
     arm = Arm(gripper)
     arm.open()
+
     np.testing.assert_allclose(arm.position[:2], 0.04, atol=1e-3)
+
     arm.cell.perform(Program(moves=[{"target_deg": {"left": 0.02}, "duration": 0.5}]))
     np.testing.assert_allclose(arm.position[:2], 0.02, atol=2e-3)
 

@@ -70,7 +70,9 @@ def test_a_gear_keeps_the_posture_in_which_it_starts(tmp_path):
     config = station(
         tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings=gears, robot=start, duration=0.2
     )
+
     result = simulate(config, progress=False)
+
     assert result["q.arm_joint"] + result["q.wheel_joint"] == pytest.approx(
         np.full(21, np.deg2rad(120)), abs=1e-5
     )
@@ -128,7 +130,9 @@ def test_rods_and_welds_hold(tmp_path):
                  "length": float(np.hypot(0.3, 1.0))},
         "shaft": {"kind": "weld", "body": "wheel", "other": "twin", "other_pose": [0, -0.5, 0, 0, 0, 0]},
     }  # fmt: skip
+
     result = simulate(station(tmp_path, parts, couplings=held, duration=0.6), progress=False)
+
     angle, height = result["q.wheel_joint"], 1 + result["q.slider_joint"]
     assert np.ptp(angle) > 0.5
     ends = np.column_stack([0.3 * np.cos(angle), -0.3 * np.sin(angle)])
@@ -167,7 +171,9 @@ def test_what_is_held_by_the_world_stays(tmp_path, held, solver):
     config = station(
         tmp_path, {"arm": ARM, "wheel": WHEEL}, couplings={"tie": held}, solver=solver, duration=0.2
     )
+
     result = simulate(config, progress=False)
+
     np.testing.assert_allclose(result["q.arm_joint"], 0.0, atol=1e-3)
 
 
@@ -200,7 +206,9 @@ def test_a_coupling_that_its_load_opens_is_told(tmp_path, gravity, warned):
     """A body on a weld that is a spring of 2000 rad/s: it opens by g over the square of that."""
     tie = {"tie": {"kind": "weld", "body": "slider", "other_pose": [0, 0, 1, 0, 0, 0]}}
     own = {"solver": STIFF, "gravity": gravity, "duration": 0.1, "verdict": {"coupling_gap": 0.001}}
+
     result = simulate(station(tmp_path, {"slider": SLIDER}, couplings=tie, **own), progress=False)
+
     worst = result.verdict["coupling_gap"].worst
     assert worst.subject == "tie"
     assert worst.value == pytest.approx(gravity / 2000.0**2, rel=0.1)

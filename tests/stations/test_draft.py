@@ -27,9 +27,12 @@ def drafted(tmp_path, urdf, options=None):
 
 def test_an_arm_follows_its_first_move(tmp_path):
     config = drafted(tmp_path, models_root() / "irb120" / "irb120.urdf")
+
     assert not [finding for finding in check_station(config) if finding.level == "warning"]
+
     result = simulate(config, progress=False)
     assert result.ending == "completed"
+
     moved = np.rad2deg(np.abs(result.axes("q")[-1] - result.axes("q")[0]))
     assert (moved > 15).all()
     assert np.rad2deg(np.abs(result.axes("q_ref")[-1] - result.axes("q")[-1])).max() < 0.01
@@ -40,9 +43,12 @@ def test_a_floating_robot_stands_on_the_floor(tmp_path):
     config = drafted(
         tmp_path, models_root() / "irb120" / "irb120.urdf", ImportOptions(base="floating")
     )
+
     assert config.contact is not None
+
     result = simulate(config, duration=1.0, progress=False)
     assert result.ending == "completed"
+
     base = result.pose("base")
     assert base[0, 2] == pytest.approx(0.0, abs=1e-6)  # the foot of the arm is at its origin
     assert base[-1, 2] == pytest.approx(0.0, abs=2e-3)
@@ -54,10 +60,13 @@ def test_a_robot_without_inertias_moves_kinematically(tmp_path, one_joint_urdf, 
         one_joint_urdf.index("</inertial>") + len("</inertial>"),
     )
     urdf = write_urdf(one_joint_urdf[:start] + one_joint_urdf[end:])
+
     config = drafted(tmp_path, urdf)
+
     assert config.mode == "kinematic"
     assert simulate(config, duration=0.5, progress=False).ending == "completed"
     assert "upper" in draft_station(urdf)  # the link is named in the comment
+
     estimated = drafted(tmp_path, urdf, ImportOptions(estimate_inertia=True))
     assert estimated.mode == "dynamic"
     assert simulate(estimated, duration=0.5, progress=False).ending == "completed"
@@ -97,7 +106,9 @@ def test_links_without_shapes_are_not_said_to_be_clear_of_the_ground(
 def test_an_axis_that_slides_moves_by_metres(tmp_path, one_joint_urdf, write_urdf):
     urdf = write_urdf(one_joint_urdf.replace("revolute", "prismatic"))
     config = drafted(tmp_path, urdf)
+
     result = simulate(config, progress=False)
+
     assert result["q.shoulder"][-1] == pytest.approx(0.05, abs=0.005)
 
 
@@ -168,7 +179,9 @@ def test_a_gripper_without_an_arm_is_known_by_the_names_of_its_fingers(tmp_path,
     """The file has no joint that moves the palm. Two slides without telling names may belong to a machine."""
     urdf = tmp_path / "two.urdf"
     urdf.write_text(gripper_alone(*names))
+
     text = draft_station(urdf, folder=tmp_path)
+
     assert ("`grip: {force: 20}`" in text) == is_gripper
 
 
@@ -178,9 +191,11 @@ def test_a_gripper_closes_and_opens_its_fingers(tmp_path):
     file.write_text(
         draft_station(models_root() / "irb120_gripper" / "irb120_gripper.urdf", folder=tmp_path)
     )
+
     text = file.read_text()
     assert "`grip: {force: 20}`" in text
     assert "metres: left_finger, right_finger" in text
+
     result = run_whole(load_station(file))
     assert result.ending == "completed"
     assert not result.verdict.warnings

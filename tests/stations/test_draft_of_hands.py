@@ -26,6 +26,7 @@ def station(tmp_path_factory):
 
 def test_it_says_what_holds_by_friction_and_check_agrees(station):
     text = station.read_text()
+
     assert (
         "# Couplings move the fingers (left_slide, right_slide) together, as one motor does" in text
     )
@@ -40,6 +41,7 @@ def test_it_says_what_holds_by_friction_and_check_agrees(station):
             "total": 0.0,
         }
     }
+
     found = check_station(load_station(station, CUBE))
     assert [finding for finding in found if "gripper" in finding.subject] == []
 
@@ -57,6 +59,7 @@ def holding(station):
 @pytest.mark.long
 def test_it_grips_with_all_the_force_that_its_file_gives(holding):
     cell, arm, gripped = holding
+
     assert arm.tools[0] == "grasp"
     np.testing.assert_allclose(gripped.axes("tau")[-1, 2:], -20.0, rtol=1e-6)
     np.testing.assert_allclose(arm.position[2:], 0.02, atol=1e-3)
@@ -69,9 +72,12 @@ def test_what_it_holds_goes_around_obstacles_with_its_fingers_where_they_are(hol
     """The references of the fingers are 20 mm inside the cube; collisions are checked at their actual positions."""
     cell, arm, _ = holding
     arm.move_free(joints=[0.25, DOWN - 0.1, 0, 0])
+
     np.testing.assert_allclose(cell.frame("cube").translation(), [0.25, 0, 0.12], atol=2e-3)
+
     model = cell.collision_model
     deep = max(pair.depth for pair in model.query().ComputePointPairPenetration())
+
     assert deep < 1e-3
 
 
@@ -86,7 +92,9 @@ def test_links_that_are_in_each_other_all_the_way_are_not_in_the_way(tmp_path):
     (tmp_path / "gantry.urdf").write_text(gantry(*sides))
     (tmp_path / "s.yaml").write_text("{robot: {urdf: gantry.urdf}, mode: kinematic}")
     arm = Arm(load_station(tmp_path / "s.yaml"))
+
     arm.move_free(joints=[0.2, 0.1, 0, 0])
+
     np.testing.assert_allclose(arm.position, [0.2, 0.1, 0, 0], atol=1e-9)
 
 
@@ -94,6 +102,7 @@ def test_fingers_stay_open_where_it_does_not_begin_at_home(tmp_path):
     """At home the arm is in the floor. The search turns axes of the arm out of it, but no finger."""
     (tmp_path / "gantry.urdf").write_text(gantry().replace("0 0 0.4", "0 0 0.1"))
     content = yaml.safe_load(draft_station(tmp_path / "gantry.urdf"))
+
     begin = content["robot"]["initial_deg"]
     assert begin["lift"] < 0
     arm_move, *finger_moves = content["program"]["moves"]

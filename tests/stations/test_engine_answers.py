@@ -49,7 +49,9 @@ def test_schemes_without_an_estimate_of_the_error_in_drake_have_fixed_steps(sche
 def test_steps_are_those_of_the_section():
     free = ContinuousSolver(kind="continuous", scheme="radau3", max_step=0.02)
     fixed = ContinuousSolver(kind="continuous", scheme="radau3", max_step=0.02, error_control=False)
+
     discrete = DiscreteSolver(kind="discrete", time_step=0.004)
+
     assert [solver.engine.has_fixed_steps for solver in (free, fixed, discrete)] == [
         False,
         True,
@@ -66,6 +68,7 @@ def test_steps_are_those_of_the_section():
 
 def test_a_kinematic_station_asks_no_solver():
     station = load_station("irb120_kinematic", {"solver": {"kind": "discrete"}})
+
     assert not station.engine.moves_by_forces
     assert not station.engine.has_discrete_states
     assert not station.has_contact_forces
@@ -75,6 +78,7 @@ def test_no_module_compares_names_of_modes_and_schemes():
     """Modules read `config.engine`, so that a new scheme is one entry. Only the configuration itself reads its mode."""
     names = {"kinematic", "dynamic", "mujoco", *CONTINUOUS_SCHEMES, *DISCRETE_SCHEMES}
     found = []
+
     for file in PACKAGE.rglob("*.py"):
         text = file.read_text()
         if not any(f'"{name}"' in text for name in names):
@@ -89,6 +93,7 @@ def test_no_module_compares_names_of_modes_and_schemes():
                 and {value for value in values if isinstance(value, str)} & names
             ):
                 found.append(f"{file.relative_to(PACKAGE)}:{node.lineno}")
+
     assert [place.partition(":")[0] for place in found] == ["stations/config.py"]
 
 
@@ -107,5 +112,7 @@ def test_explicit_schemes_are_those_that_a_stiff_spring_makes_unstable(scheme):
         integrator.set_fixed_step_mode(True)
     simulator.get_mutable_context().SetContinuousState([1.0])
     simulator.AdvanceTo(0.5)
+
     end = abs(simulator.get_context().get_continuous_state_vector()[0])
+
     assert (end > 1.0) == CONTINUOUS_SCHEMES[scheme].is_explicit

@@ -59,7 +59,9 @@ def test_the_puma_begins_in_its_nominal_posture() -> None:
 def test_home_of_a_table_is_the_start(tmp_path: Path) -> None:
     file = described(tmp_path, "home_deg: {joint_2: -90}\n")
     station = tmp_path / "station.yaml"
+
     station.write_text(f"mode: kinematic\nrobot: {{model: {file.name}}}\n")
+
     np.testing.assert_allclose(
         np.rad2deg(resolve(load_station(station)).robots["robot"].initial), [0, -90]
     )
@@ -68,6 +70,7 @@ def test_home_of_a_table_is_the_start(tmp_path: Path) -> None:
 @pytest.mark.parametrize("home", ["", "home_deg: 0\n", "home_deg: {joint_1: 20}\n"])
 def test_an_axis_that_excludes_zero_begins_midway(tmp_path: Path, home: str) -> None:
     model = load_robot_file(described(tmp_path, home))
+
     first = 20 if "20" in home else 0
     np.testing.assert_allclose(np.rad2deg(model.home), [first, -90])
     np.testing.assert_array_equal(model.posture("home", np.ones(2)), model.home)
@@ -88,7 +91,9 @@ def test_another_robot_begins_at_its_own_home(urdf: Path) -> None:
 def test_a_start_goes_with_the_robot_that_it_is_given_for(urdf: Path) -> None:
     changes = {"robot.initial_deg": -60.0, "robot.urdf": str(urdf), "reference": {"kind": "hold"}}
     changes |= {"pieces.gripper": None, "pieces.load": None}
+
     robot = resolve(load_station("irb120_kinematic", overrides=changes)).robots["robot"]
+
     np.testing.assert_allclose(np.rad2deg(robot.initial), [-60])
 
 
@@ -96,9 +101,12 @@ def test_axes_that_a_mapping_leaves_out_are_at_zero_if_they_can(tmp_path: Path) 
     np.testing.assert_allclose(
         start_of("irb120", robot__initial_deg={"joint_1": 30}), [30, 0, 0, 0, 0, 0]
     )
+
     station = tmp_path / "station.yaml"
     described(tmp_path, "home_deg: {joint_1: 10, joint_2: -45}\n")
+
     station.write_text("mode: kinematic\nrobot: {model: arm.yaml, initial_deg: {joint_1: 5}}\n")
+
     np.testing.assert_allclose(
         np.rad2deg(resolve(load_station(station)).robots["robot"].initial), [5, -45]
     )

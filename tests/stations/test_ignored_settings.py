@@ -23,10 +23,13 @@ def test_a_ball_that_cannot_bounce_is_reported_by_the_result(tmp_path):
     """sap ignores dissipation: the ball stays 9 mm deep in the floor instead of bouncing."""
     config = load_station("bouncing_ball", {"solver": DISCRETE})
     assert SAP_WARNING in warnings_of_check(config)
+
     result = simulate(config, duration=0.3, progress=False)
     assert SAP_WARNING in result.warnings
+
     folder = result.save(tmp_path / "result", recording=False)
     assert SAP_WARNING in json.loads((folder / "summary.json").read_text())["warnings"]
+
     bouncing = simulate(load_station("bouncing_ball"), duration=0.3, progress=False)
     assert SAP_WARNING not in bouncing.warnings
 
@@ -42,6 +45,7 @@ def test_strict_ends_with_4(tmp_path, monkeypatch):
         "--duration",
         "0.2",
     ]
+
     assert run_command([*args, "--strict", "--out", "strict"]) == 4
     assert run_command([*args, "--out", "lenient"]) == 0
 
@@ -76,8 +80,10 @@ def slides(write_station, solver, friction):
 def test_fixed_steps_ignore_static_friction_and_say_so(write_station, solver):
     """tan 30° = 0.58 lies between the coefficients: the static one should hold the box."""
     slid, warnings = slides(write_station, solver, {"static": 0.8, "dynamic": 0.3})
+
     assert slid
     assert any("ignores contact.friction.static (0.8)" in warning for warning in warnings)
+
     slid, warnings = slides(write_station, solver, {"static": 0.8, "dynamic": 0.8})
     assert not slid
     assert warnings == []
@@ -87,6 +93,7 @@ def test_fixed_steps_ignore_static_friction_and_say_so(write_station, solver):
 def test_continuous_schemes_hold_by_static_friction(write_station, scheme, step):
     solver = {"kind": "continuous", "scheme": scheme, "max_step": step}
     slid, warnings = slides(write_station, solver, {"static": 0.8, "dynamic": 0.3})
+
     assert not slid
     assert warnings == []
 
@@ -136,6 +143,7 @@ def test_each_ignored_key_is_named(station, overrides, key):
 def test_a_latency_that_is_no_whole_sample_is_noted(latency, note):
     bus = {"servo.bus": {"rate": 50, "latency": latency}}
     findings = check_station(load_station("irb120_dynamic", {"servo.feedforward": "none", **bus}))
+
     found = [finding for finding in findings if finding.subject == "servo.bus.latency"]
     assert [(finding.level, finding.text) for finding in found] == (
         [("note", note)] if note else []

@@ -22,7 +22,9 @@ def test_a_resolved_station_loads_to_an_equal_one(name, tmp_path):
 def test_overrides_change_what_they_name_and_nothing_else():
     config = load_station("irb120_dynamic", {"servo.kp": 500, "pieces": {"load": {"mass": 2}}})
     expected = load_station("irb120_dynamic").model_dump()
+
     expected["servo"]["kp"], expected["pieces"]["load"]["mass"] = 500.0, 2.0
+
     assert config.model_dump() == expected
 
 
@@ -48,6 +50,7 @@ def test_the_arm_with_force_control_holds_its_start():
     """The header of the station's file advises these settings."""
     with pytest.warns(KeysLeftOut, match="target_deg, start, duration, blend"):
         station = load_station("irb120_force_control", {"reference.kind": "hold"})
+
     result = simulate(station, duration=0.3, progress=False)
     angle = np.rad2deg(result["q_ref.joint_1"])
     np.testing.assert_allclose(angle, -10.0, atol=1e-9)
@@ -127,7 +130,9 @@ def test_no_section_keeps_keys_of_another_kind(
         pytest.importorskip("simrob_drake.extensions.mujoco")
     before = load_station(station, sections)
     file = tmp_path / "station.yaml"
+
     file.write_text(station_yaml(before))
+
     dotted = {f"{key}.{name}": value for name, value in changes.items()}
     for change in (lambda: load_station(file, dotted), lambda: with_settings(before, dotted)):
         with pytest.warns(KeysLeftOut) as told:
@@ -145,6 +150,7 @@ def test_no_section_keeps_keys_of_another_kind(
 def test_a_file_of_settings_changes_a_kind_as_a_key_does(tmp_path):
     file = tmp_path / "held.yaml"
     file.write_text("reference: {kind: hold}\n")
+
     with pytest.warns(KeysLeftOut, match="target_deg"):
         config = load_station("irb120_dynamic", changes_of([str(file)], "--set"))
     assert config.reference == Hold(kind="hold")
@@ -152,7 +158,9 @@ def test_a_file_of_settings_changes_a_kind_as_a_key_does(tmp_path):
 
 def test_a_kind_that_stays_keeps_all_keys(recwarn):
     config = load_station("irb120_dynamic", {"reference.kind": "ramp", "reference.duration": 2})
+
     assert (config.reference.target_deg, config.reference.duration) == (30, 2)
+
     named = load_station("humanoid_dynamic", {"monitors.fall.kind": "fall"})
     assert named.monitors["fall"] == load_station("humanoid_dynamic").monitors["fall"]
     assert not [one for one in recwarn if one.category is KeysLeftOut]
@@ -161,6 +169,7 @@ def test_a_kind_that_stays_keeps_all_keys(recwarn):
 def test_settings_that_come_later_take_back_those_of_another_kind():
     """Later settings replace earlier ones in the pendant, and in the changes of a program."""
     before = {"reference.kind": "move", "reference.target_deg": 30, "servo.kp": 500}
+
     assert settings_with(before, {"reference.kind": "hold"}) == {
         "reference.kind": "hold",
         "servo.kp": 500,
@@ -177,18 +186,23 @@ def test_a_section_of_another_kind_takes_the_place_of_the_old_one():
     # and not at the ramp's 30 degrees
     held = load_station("irb120_dynamic", {"reference": {"kind": "hold"}})
     assert held.reference == Hold(kind="hold")
+
     of_robot = load_station("two_irb120", {"robots": {"left": {"reference": {"kind": "hold"}}}})
     assert of_robot.robots["left"].reference == Hold(kind="hold")
     assert of_robot.robots["right"].reference.target_deg is not None
+
     sine = {"kind": "sine", "amplitude": [0, 0, 1], "frequency": 1}
     push = {"kind": "push", "start": 1, "force": [0, 0, 1]}
     assert load_station("irb120_cobot", {"forces": {"hand": push}}).forces["hand"].kind == "push"
+
     both = load_station("irb120_cobot", {"forces": {"hand": {**sine, "frequency": 2}}}).forces[
         "hand"
     ]
     assert (both.kind, both.frequency) == ("sine", 2)
+
     same = load_station("irb120_dynamic", {"reference": {"kind": "ramp", "duration": 2}}).reference
     assert (same.target_deg, same.duration) == (30, 2)
+
     named = load_station(
         "irb120_dynamic", {"monitors": {"settled": {"hold": 1}}, "monitors.settled.kind": "settled"}
     )
@@ -197,7 +211,9 @@ def test_a_section_of_another_kind_takes_the_place_of_the_old_one():
 
 def test_gains_may_be_given_by_axis():
     config = load_station("irb120_dynamic", {"servo": {"kd": None}})
+
     assert config.servo.kd is None
+
     config = load_station("irb120_dynamic", {"servo": {"kp": {"joint_2": 2000}}})
     assert config.servo.kp == {"joint_2": 2000.0}
 
@@ -229,7 +245,9 @@ def test_paths_start_at_the_file_that_names_them(tmp_path, monkeypatch):
         "robot: {model: irb120}\nreference: {kind: table, file: move.csv}\n"
     )
     monkeypatch.chdir(tmp_path.parent)
+
     assert load_station(tmp_path / "own.yaml").reference.file == tmp_path / "move.csv"
+
     config = load_station(tmp_path / "own.yaml", {"reference.file": "other.csv"})
     assert config.reference.file == tmp_path.parent / "other.csv"
 
@@ -373,9 +391,11 @@ def test_a_folder_is_no_station_but_may_hold_one(tmp_path):
         SimrobError, match=r"is a folder, but a station is given by its name or a YAML file$"
     ):
         load_station(tmp_path)
+
     (tmp_path / "station.yaml").write_text("robot: {model: irb120}")
     with pytest.raises(SimrobError, match=r"did you mean .*/station.yaml?"):
         load_station(tmp_path)
+
     (tmp_path / "k.yaml").mkdir()
     with pytest.raises(SimrobError, match=r"k.yaml: is a folder"):
         load_station(tmp_path / "k.yaml")
@@ -451,8 +471,12 @@ def test_defaults_that_a_function_makes_were_not_given_by_anybody():
     """Pydantic gives no default for such a field unless it is asked to call the function."""
     entry = {"kind": "leg_odometry", "reads": {}}
     losses = KeyLosses(counts_defaults=False)
+
     losses.begin_new_kind(entry, ["sensors", "base"], "imu")
+
     assert not losses.texts
+
     entry = {"kind": "leg_odometry", "reads": {"q": "robot.q"}}
     losses.begin_new_kind(entry, ["sensors", "base"], "imu")
+
     assert "reads" in losses.texts[0]

@@ -68,9 +68,11 @@ def test_a_chain_of_mimics_is_held_under_load(tmp_path, solver):
     if solver == "mujoco":
         pytest.importorskip("mujoco")
     move = {"kind": "move", "target_deg": {"a": 30}, "duration": 0.4}
+
     result = simulate(
         station(tmp_path, CHAIN, solver=SOLVERS[solver], reference=move), progress=False
     )
+
     assert result.ending == "completed"
     assert result["q.a"][-1] > np.deg2rad(10)
     assert_chain_is_held(result, within=2e-3)
@@ -82,7 +84,9 @@ def test_a_scheme_that_holds_no_coupling_is_told(tmp_path):
     solver = {"kind": "continuous", "scheme": "runge_kutta3"}
     move = {"kind": "move", "target_deg": {"a": 10}, "duration": 0.1}
     config = station(tmp_path, CHAIN, solver=solver, reference=move, duration=0.1, gravity=0.0)
+
     result = simulate(config, progress=False)
+
     told = [
         warning
         for warning in result.warnings
@@ -110,11 +114,14 @@ def test_in_a_kinematic_station_any_axis_moves_its_partners(tmp_path, reference,
     result = simulate(
         station(tmp_path, CHAIN, mode="kinematic", reference=reference), progress=False
     )
+
     assert_chain_is_held(result, within=1e-9)
     if a_at_end is not None:
         assert result["q.a"][-1] == pytest.approx(a_at_end, abs=1e-9)
+
     speeds = np.gradient(result["q.b"], result.times)
     smooth = slice(2, 35)  # references end, and ramps have corners, at later samples
+
     np.testing.assert_allclose(result["v.b"][smooth], speeds[smooth], atol=0.1)
     np.testing.assert_allclose(result["v.c"], -2 * result["v.b"], atol=1e-9)
 
@@ -122,6 +129,7 @@ def test_in_a_kinematic_station_any_axis_moves_its_partners(tmp_path, reference,
 def test_a_contradiction_names_both_with_the_right_value(tmp_path):
     move = {"kind": "move", "target_deg": {"a": 20, "b": 0}, "duration": 0.4}
     config = station(tmp_path, CHAIN, mode="kinematic", reference=move)
+
     right = np.rad2deg(0.5 * np.deg2rad(20) + 0.2)
     expected = rf"reference of b is 0 deg .* must be {right:.5g} deg to satisfy couplings.b_follows .* a at 20 deg"
     with pytest.raises(SimrobError, match=expected):
@@ -137,8 +145,10 @@ def test_a_contradiction_names_both_with_the_right_value(tmp_path):
 def test_samples_that_contradict_are_refused(tmp_path):
     config = station(tmp_path, CHAIN, mode="kinematic")
     start = resolve(config).robots["robot"].initial
+
     ends = np.array([start, start])
     assert simulate(config, reference=([0.0, 0.5], ends), progress=False).ending == "completed"
+
     ends[1, 1] += 0.3  # the axis a alone
     with pytest.raises(SimrobError, match=r"reference of [bcd]"):
         simulate(config, reference=([0.0, 0.5], ends), progress=False)
@@ -146,8 +156,10 @@ def test_samples_that_contradict_are_refused(tmp_path):
 
 def test_the_start_obeys_couplings_or_is_refused(tmp_path):
     initial = resolve(station(tmp_path, CHAIN)).robots["robot"].initial
+
     # in the order c, a, b, d, e
     np.testing.assert_allclose(initial, [-0.3, 0, 0.2, 0, 0], atol=1e-12)
+
     by_d = (
         resolve(station(tmp_path, CHAIN, robot={"initial_deg": {"d": 0.03}}))
         .robots["robot"]
@@ -163,10 +175,12 @@ def test_the_start_obeys_couplings_or_is_refused(tmp_path):
 
 def test_mimics_can_be_left_out_or_replaced(tmp_path):
     assert not resolve(station(tmp_path, CHAIN, robot={"mimic": False})).config.couplings
+
     own = {"mine": {"kind": "gear", "ratios": {"b": 1, "a": -1}}}
     couplings = resolve(
         station(tmp_path, CHAIN, couplings=own, solver=SOLVERS["sap"])
     ).config.couplings
+
     assert [*couplings] == ["mine", "c_follows", "d_follows"]
 
 
@@ -204,7 +218,9 @@ def test_sdf_counts_the_leader_from_a_reference(tmp_path):
     links = "<link name='j1_link'/><link name='j2_link'/>"
     file = tmp_path / "claw.sdf"
     file.write_text(SDF.format(links=links, joints=joints))
+
     follower = robot_from_file(file).followers["j2"]
+
     assert follower.leader == "j1"
     assert (follower.factor, follower.offset) == pytest.approx((-2.0, 0.3 + 2 * 0.1))
 
@@ -220,7 +236,9 @@ def test_mjcf_equalities_keep_slope_and_offset(tmp_path):
     file = tmp_path / "arm.xml"
     file.write_text(text)
     zero = mujoco.MjModel.from_xml_string(text).qpos0[0]
+
     made = examine_robot(file)
+
     follower = made.model.followers["b"]
     # In MuJoCo's own coordinates b = 0.1 - 2 (a - ref).
     assert (follower.factor, follower.offset) == pytest.approx((-2.0, 0.1 + 2 * zero))
@@ -230,6 +248,7 @@ def test_mjcf_equalities_keep_slope_and_offset(tmp_path):
 def test_the_first_station_couples_all_followers(tmp_path):
     file = urdf(tmp_path, CHAIN)
     text = draft_station(file, folder=tmp_path)
+
     content = yaml.safe_load(text)
     assert {name: gear["total"] for name, gear in content["couplings"].items()} == {
         "c_follows": 0.1, "b_follows": 0.2, "d_follows": 0.0
@@ -238,8 +257,10 @@ def test_the_first_station_couples_all_followers(tmp_path):
         "# In the robot's file these axes follow others; see the section couplings: c, b, d."
         in text
     )
+
     (tmp_path / "first.yaml").write_text(text)
     result = simulate(load_station(tmp_path / "first.yaml"), progress=False)
+
     assert_chain_is_held(result, within=2e-3)
     assert abs(result["q.a"][-1] - result["q.a"][0]) > 0.05
 
@@ -247,19 +268,25 @@ def test_the_first_station_couples_all_followers(tmp_path):
 def test_losses_of_an_import_are_told_by_every_command(tmp_path):
     joints = {"a": ("revolute", "base", ""), "b": ("revolute", "a_link", '<mimic joint="nobody"/>')}
     file = urdf(tmp_path, joints)
+
     text = draft_station(file, folder=tmp_path)
+
     assert (
         "# Warning: lost in the import of robot.urdf: joint 'b': mimics 'nobody', which is no joint"
         in text
     )
+
     (tmp_path / "first.yaml").write_text(text)
     config = load_station(
         tmp_path / "first.yaml", {"duration": 0.01, "reference": {"kind": "hold"}}
     )
     checked = [finding.text for finding in check_station(config) if finding.level == "warning"]
+
     result = simulate(config, progress=False)
+
     for told in (checked, result.warnings):
         assert any("joint 'b': mimics 'nobody'" in text for text in told), told
+
     summary = json.loads(json.dumps(result.summary()))
     assert any("mimics 'nobody'" in warning for warning in summary["warnings"])
 

@@ -96,8 +96,10 @@ def test_the_fastest_move_keeps_to_the_line_of_its_motor(station: Path):
 def test_moves_keep_to_the_no_load_speed(station: Path):
     """`check` and the verdict judge by the motor's no-load speed, and so do moves and references."""
     arm = arm_of(station)
+
     with pytest.raises(SpeedLimitExceeded):
         arm.plan.move_abs_j([2.0], duration=2.0 * 1.875 / (1.05 * FASTEST))
+
     too_fast = {"kind": "trapezoid", "target_deg": 30, "speed_deg": 340, "acceleration_deg": 300}
     with pytest.raises(
         InvalidParameter, match=r"speed_deg .* is 340 deg/s; it must be at most 330\.02"

@@ -187,12 +187,15 @@ def test_what_no_motor_can_be_is_told(joint: Path, changes: dict[str, Any], mess
 def test_keys_of_the_station_win_over_the_motor(joint: Path) -> None:
     motor = {"servo.motor": {"model": "mx_106", "supply": 7.4}}
     robot = resolve(load_station(joint, motor)).robots["robot"]
+
     assert robot.gains.torque_limit.tolist() == robot.gains.line.stall.tolist() == [5.0]
     assert robot.speed_limits == pytest.approx([2.88])
     assert robot.model.friction.tolist() == [0.104]
     assert robot.model.drives.gear_ratio == {"joint_1": 225.0}
+
     own = {**motor, "robot.drives": {"friction": 0.0, "gear_ratio": 100}, "servo.torque_limit": 4.0}
     robot = resolve(load_station(joint, own)).robots["robot"]
+
     assert robot.model.friction.tolist() == [0.0]
     assert robot.model.drives.gear_ratio == 100
     assert robot.gains.torque_limit.tolist() == [4.0]
@@ -218,6 +221,7 @@ def test_a_ratio_without_an_inertia_leaves_that_of_the_urdf_as_it_is(joint: Path
 def test_encoders_are_as_fine_as_those_of_motors(joint: Path) -> None:
     changes = {"servo.motor": "mx_28", "sensors.encoders": {"rate": 100}, "duration": 0.2}
     told = simulate(load_station(joint, changes))["position.encoders.joint_1"]
+
     assert told.any()
     np.testing.assert_allclose(
         told / np.deg2rad(0.088), np.round(told / np.deg2rad(0.088)), atol=1e-9
@@ -250,6 +254,7 @@ def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
         joint, {"gravity": 9.8, "robot.base": [0, 0, 1, 0, 0, 1.5707963], "servo.motor": "mx_28"}
     )
     found = "\n".join(f"{finding.subject}: {finding.text}" for finding in check_station(config))
+
     assert (
         "motors of robot: joint_1: 3.1 N·m at rest, 7.02 rad/s without load, 0.62 N·m continuously ("
         in found
@@ -265,6 +270,7 @@ def test_motors_are_drawn(joint: Path, realization: str, solver: dict[str, Any])
     drawn = station_dot(
         load_station(joint, {**MOTOR, "servo.realization": realization, "solver": solver})
     )
+
     assert "applied_and_state" not in drawn
     assert "drives" not in drawn
     assert ("at rest" in drawn) == (realization == "per_joint")
@@ -366,6 +372,7 @@ def test_a_bus_is_late_and_rounds(joint: Path, solver: dict[str, Any], realizati
 def test_a_bus_takes_the_resolution_of_the_motors_and_no_accelerations(joint: Path) -> None:
     rounds = {"servo.bus": {}, "servo.motor": {**FIGURES, "resolution_deg": 2.0}, "gravity": 0}
     result = simulate(load_station(joint, {**rounds, "reference.target_deg": 7.3, "solver": RADAU}))
+
     assert result.axes("q")[-1, 0] == pytest.approx(np.deg2rad(8.0), abs=1e-3)
     with pytest.raises(
         SimrobError, match=r"servo\.bus: a bus transmits only .*, not reference_acceleration"

@@ -31,10 +31,12 @@ def test_motors_give_what_their_law_says_at_the_end_of_each_step_and_no_more_tha
     overrides = {**EACH_STEP, "servo.torque_limit": 0.8, "reference": TURN}
     result = simulate(load_station("humanoid_dynamic", overrides), duration=0.3)
     gains = result.plant.robots["robot"].gains
+
     law = (
         gains.kp * (result.axes("q_ref")[:-1] - result.axes("q")[1:])
         - gains.kd * result.axes("v")[1:]
     )
+
     np.testing.assert_allclose(result.axes("tau")[1:], np.clip(law, -0.8, 0.8), atol=1e-6)
     assert (np.abs(law) > 0.8).sum() > 20
     assert not any("torque" in text and "chatter" in text for text in result.warnings)
@@ -63,9 +65,12 @@ def test_a_push_gives_a_free_box_its_impulse_and_moment_of_momentum():
         "pieces.box.com": [0, 0, -0.02],
     }
     result = simulate(load_station("box_on_floor", overrides), duration=0.3)
+
     inertia = result.plant.free_pieces["box"].default_spatial_inertia()
+
     speed = result["piece.box.vx"][-1] - 0.02 * result["piece.box.wy"][-1]  # of the centre of mass
     assert speed * inertia.get_mass() == pytest.approx(0.3, rel=0.02)
+
     about_centre = inertia.Shift(inertia.get_com()).CalcRotationalInertia().get_moments()
     assert result["piece.box.wy"][-1] * about_centre[1] == pytest.approx(0.02 * 0.3, rel=0.03)
 
@@ -82,6 +87,7 @@ def test_a_force_sensor_feels_the_weight_that_rests_on_it():
 @pytest.mark.long
 def test_a_loop_balances_and_walks_as_in_drake():
     drake, mujoco = in_both("yobotics_walking", {}, duration=3.0)
+
     assert drake.ending == mujoco.ending == "completed"
     assert mujoco["base.x"][-1] == pytest.approx(drake["base.x"][-1], rel=0.05)
     assert not any("deep" in text for text in mujoco.warnings)
@@ -90,9 +96,12 @@ def test_a_loop_balances_and_walks_as_in_drake():
 def test_runs_are_equal_and_go_on_from_each_other_across_engines():
     config = load_station("roid1_dynamic", MUJOCO)
     first, again = (Runner(config).run(duration=0.4) for _ in range(2))
+
     np.testing.assert_array_equal(first.values, again.values)
+
     there = simulate("roid1_dynamic", duration=0.2, start=first.final_state)
     back = simulate(config, duration=0.2, start=there.final_state)
+
     np.testing.assert_allclose(there["base.z"][0], first["base.z"][-1], atol=1e-12)
     np.testing.assert_allclose(back["q.left_knee"][0], there["q.left_knee"][-1], atol=1e-12)
 
@@ -117,6 +126,7 @@ def test_a_monitor_ends_a_run():
         "forces": {"push": {"kind": "push", "force": [60, 0, 0]}},
     }
     result = simulate(load_station("zjudancer_dynamic", overrides), duration=4.0)
+
     assert result.stopped_by == "fall"
     assert result.stop_time < 3
 

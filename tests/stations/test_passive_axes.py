@@ -141,9 +141,11 @@ def test_it_moves_as_in_plain_drake(
     servo = {"kp": {"elbow": kp}, "kd": {"elbow": kd}, "torque_limit": {"elbow": 20.0}}
     station = pendulum(robot, servo=servo)
     result = simulate(station)
+
     expected = drake_positions(
         station.parent / "robot.urdf", result.times, kp=kp, kd=kd, limit=20.0
     )
+
     found = np.column_stack([result["q.shoulder"], result["q.elbow"]])
     np.testing.assert_allclose(found, expected, atol=1e-9)
     assert np.ptp(found[:, 0]) > 0.5  # the shoulder swings
@@ -156,9 +158,11 @@ def test_its_torque_is_zero_with_feedforward(
 ) -> None:
     servo = {"realization": realization, "feedforward": feedforward}
     solver = {"kind": "continuous", "scheme": "radau3", "accuracy": 1e-3, "max_step": 0.01}
+
     result = simulate(
         pendulum(servo=servo, solver=SAP if realization == "implicit" else solver, duration=0.3)
     )
+
     assert not result["tau.shoulder"].any()
     assert np.abs(result["tau.elbow"]).max() > 1.0
     assert np.ptp(result["q.shoulder"]) > 0.1
@@ -167,6 +171,7 @@ def test_its_torque_is_zero_with_feedforward(
 def test_friction_slows_it_and_is_no_torque_of_a_motor(pendulum: WriteStation) -> None:
     smooth = simulate(pendulum())
     rough = simulate(pendulum(robot={"drives": {"friction": 0.5}}))
+
     assert not rough["tau.shoulder"].any()
     assert np.ptp(rough["q.shoulder"]) < np.ptp(smooth["q.shoulder"])
 
@@ -175,7 +180,9 @@ def test_a_robot_without_any_motor_swings(pendulum: WriteStation) -> None:
     free = {"passive": ["shoulder", "elbow"], "kp": {}, "kd": {}}
     result = simulate(pendulum(servo=free))
     still = {"kp": {"elbow": 0.0}, "kd": {"elbow": 0.0}}
+
     motor_without_gains = simulate(pendulum(servo=still))
+
     np.testing.assert_allclose(result["q.shoulder"], motor_without_gains["q.shoulder"], atol=1e-12)
     np.testing.assert_allclose(result["q.elbow"], motor_without_gains["q.elbow"], atol=1e-12)
 
@@ -189,6 +196,7 @@ def test_a_station_gives_it_a_motor_that_holds(pendulum: WriteStation) -> None:
         "feedforward": "gravity",
     }
     result = simulate(pendulum(servo=servo))
+
     np.testing.assert_allclose(result["q.shoulder"], START[0], atol=1e-6)
     # At rest the shoulder carries both rods: g (0.5 sin a + 1.0 sin a + 0.5 sin(a + b)), each of 1 kg.
     shoulder, elbow = START
@@ -268,7 +276,9 @@ def test_a_key_that_needs_its_motor_is_refused(
 def test_values_for_all_axes_are_meant_for_those_with_motors(pendulum: WriteStation) -> None:
     target = {"kind": "move", "target_deg": [10.0, 20.0], "duration": 0.5}
     servo = {"kp": KP, "kd": [KD, KD], "torque_limit": 20.0}
+
     gains = resolve(load_station(pendulum(reference=target, servo=servo))).robots["robot"].gains
+
     assert gains.kp.tolist() == [0.0, KP]
     assert gains.kd.tolist() == [0.0, KD]
     assert gains.torque_limit.tolist() == [0.0, 20.0]
@@ -276,10 +286,12 @@ def test_values_for_all_axes_are_meant_for_those_with_motors(pendulum: WriteStat
 
 def test_nothing_judges_it_by_its_reference(pendulum: WriteStation) -> None:
     result = simulate(pendulum(duration=0.6))
+
     assert abs(result["q.shoulder"][-1] - START[0]) > np.deg2rad(20)  # far from its reference
     assert result.verdict.warnings == []
     assert "shoulder" in result.verdict["final_error"].left_out
     assert not [entry for entry in result.verdict.warnings if "shoulder" in str(entry)]
+
     row = next(row for row in table_of(result) if row[0] == "shoulder")
     assert row[6] == "–"  # no limit of torque
 
@@ -287,6 +299,7 @@ def test_nothing_judges_it_by_its_reference(pendulum: WriteStation) -> None:
 def test_check_says_that_no_motor_holds_it(pendulum: WriteStation) -> None:
     findings = check_station(load_station(pendulum()))
     finding = next(found for found in findings if "shoulder" in found.subject)
+
     assert finding.level == "note"
     assert "passive: no motor drives it" in finding.text
     assert not [found for found in findings if found.level == "warning"]
@@ -305,12 +318,15 @@ def test_the_block_picture_shows_it_without_a_motor(pendulum: WriteStation) -> N
 def test_a_first_station_names_it_and_runs(pendulum: WriteStation, tmp_path: Path) -> None:
     pendulum()
     text = draft_station(tmp_path / "robot.urdf")
+
     assert "these axes have no motor: shoulder" in text
     content = yaml.safe_load(text)
     assert set(content["servo"]["kp"]) == set(content["servo"]["torque_limit"]) == {"elbow"}
     assert "shoulder" not in str(content["reference"])
+
     (file := tmp_path / "first.yaml").write_text(text)
     result = simulate(file)
+
     assert result.stopped_by is None
     assert not result["tau.shoulder"].any()
 
@@ -361,6 +377,7 @@ def test_it_cannot_be_linearised_where_it_does_not_rest(pendulum: WriteStation) 
 def test_mujoco_moves_it_as_drake_does(pendulum: WriteStation) -> None:
     drake = simulate(pendulum())
     mujoco = simulate(pendulum(solver={"kind": "mujoco", "time_step": STEP}))
+
     np.testing.assert_allclose(mujoco["q.shoulder"], drake["q.shoulder"], atol=5e-3)
     assert not mujoco["tau.shoulder"].any()
 
@@ -369,7 +386,9 @@ def test_it_is_passive_again_after_a_way_through_mjcf(
     pendulum: WriteStation, tmp_path: Path
 ) -> None:
     mjcf = tmp_path / "mjcf" / "pendulum.xml"
+
     assert run_command(["export", str(pendulum()), "--mjcf", str(mjcf)]) == 0
+
     model = import_robot(mjcf, tmp_path / "again", isolated=False, apart=False).model
     assert model.passive_axes == ["shoulder"]
     assert model.efforts[1] == 20.0
@@ -394,6 +413,7 @@ def test_a_move_is_judged_by_the_driven_axes(pendulum: WriteStation) -> None:
     """The tool is the origin of the lower link, at the elbow, so that the shoulder alone moves it."""
     arm = Arm(load_station(pendulum(duration=0.5)))
     result = arm.move_abs_j([START[0], START[1] + 0.3], duration=0.5)
+
     assert abs(result["q.shoulder"][-1] - START[0]) > 0.2
     (move,) = result.verdict.moves
     assert move.reached
@@ -404,6 +424,7 @@ def test_a_move_is_judged_by_the_driven_axes(pendulum: WriteStation) -> None:
 def test_a_policy_does_not_move_it(pendulum: WriteStation) -> None:
     robot = resolve(load_station(pendulum())).robots["robot"]
     policy = Policy(kind="policy", observes=["position"], moves_deg=10.0)
+
     assert policy.axes(robot) == ["elbow"]
     with pytest.raises(SimrobError, match=r"moves_deg\.shoulder: shoulder is passive"):
         policy.model_copy(update={"moves_deg": {"shoulder": 10.0}}).reach(robot)

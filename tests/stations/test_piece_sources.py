@@ -66,6 +66,7 @@ def part(folder: Path, section: str) -> PieceModel:
 def test_a_mesh_of_every_format_becomes_a_piece(tmp_path: Path, kind: str) -> None:
     box_file(tmp_path, f"box{kind}")
     model = part(tmp_path, f"{{mesh: box{kind}, density: 1000, colour: [1, 0, 0, 1]}}")
+
     # glTF and STL hold single precision
     assert model.mass == pytest.approx(1000 * SIDES.prod(), rel=1e-5)
     np.testing.assert_allclose(model.com, SIDES / 2, atol=1e-6)
@@ -77,6 +78,7 @@ def test_a_mesh_of_every_format_becomes_a_piece(tmp_path: Path, kind: str) -> No
 def test_millimetres_are_scaled(tmp_path: Path) -> None:
     box_file(tmp_path, "box.stl", scale=1000)
     model = part(tmp_path, "{mesh: box.stl, scale: 0.001, mass: 3}")
+
     assert model.mass == 3
     np.testing.assert_allclose(model.com, SIDES / 2, atol=1e-6)
     np.testing.assert_allclose(model.inertia[:3], 3 / 12 * (SIDES @ SIDES - SIDES**2), atol=1e-6)
@@ -85,7 +87,9 @@ def test_millimetres_are_scaled(tmp_path: Path) -> None:
 def test_faces_that_look_inwards_are_turned(tmp_path: Path) -> None:
     mesh = trimesh.creation.box(SIDES)
     mesh.invert()
+
     mesh.export(tmp_path / "box.stl")
+
     assert part(tmp_path, "{mesh: box.stl, density: 1000}").mass == pytest.approx(6.0, rel=1e-5)
 
 
@@ -168,6 +172,7 @@ def test_a_mesh_without_unit_and_scale_is_no_mountain(tmp_path: Path) -> None:
             station(tmp_path, f"{{mesh: {name}, density: 2700}}")
     assert part(tmp_path, "{mesh: box.stl, scale: 0.001, density: 2700}").mass < 0.1
     assert part(tmp_path, "{mesh: box.stl, scale: 1, density: 2700}").mass > 1e6
+
     box_file(tmp_path, "box.glb", scale=10)  # glTF is in metres
     assert part(tmp_path, "{mesh: box.glb, density: 1}").mass == pytest.approx(
         1000 * SIDES.prod(), rel=1e-5
@@ -180,6 +185,7 @@ def test_figures_of_the_station_replace_those_of_the_mesh(tmp_path: Path) -> Non
         tmp_path,
         "{mesh: box.stl, mass: 2, com: [0, 0, 1], inertia: [1, 1, 1], tcp: [0, 0, 0.3, 0, 0, 0]}",
     )
+
     assert (model.mass, model.com, model.inertia) == (2, (0, 0, 1), (1, 1, 1))
     assert model.frame_poses["tcp"] == (0, 0, 0.3, 0, 0, 0)
 
@@ -189,14 +195,18 @@ def test_the_piece_stands_in_the_plant(tmp_path: Path) -> None:
     config = station(
         tmp_path, "{mesh: box.stl, density: 1000, parent: world, pose: [1, 0, 0, 0, 0, 0]}"
     )
+
     plant = build_station(config).GetSubsystemByName("plant")
+
     assert plant.GetBodyByName("part").default_mass() == pytest.approx(6.0, rel=1e-5)
 
 
 def test_a_mesh_is_converted_once_for_its_content(tmp_path: Path, cache: Path) -> None:
     first = drake_mesh(box_file(tmp_path, "a.stl"))
+
     assert first.is_relative_to(cache / "simrob_drake" / "pieces")
     assert "a" not in first.stem
+
     written = first.stat().st_mtime_ns
     assert drake_mesh(box_file(tmp_path, "b.stl")) == first
     assert first.stat().st_mtime_ns == written
@@ -217,9 +227,12 @@ def test_a_mesh_that_is_too_large_is_not_even_read(tmp_path: Path, large: str) -
 def test_the_resolved_station_holds_the_path(tmp_path: Path) -> None:
     box_file(tmp_path, "box.stl")
     config = station(tmp_path, "{mesh: box.stl, density: 1000}")
+
     assert config.pieces["part"].mesh == tmp_path / "box.stl"
+
     (tmp_path / "resolved").mkdir()
     (tmp_path / "resolved" / "own.yaml").write_text(station_yaml(config))
+
     assert load_station(tmp_path / "resolved" / "own.yaml", mesh_path=[tmp_path]) == config
 
 
@@ -229,7 +242,9 @@ def test_a_folder_of_ones_own_is_a_model(tmp_path: Path) -> None:
     (tmp_path / "peg" / "piece.yaml").write_text(
         "density: 100\nframes: {top: [0, 0, 0.3, 0, 0, 0]}\nshapes: [{mesh: peg.obj}]"
     )
+
     config = station(tmp_path, "{model: peg/piece.yaml, density: 1000}")
+
     assert piece_model(config).mass == pytest.approx(6.0)
     assert piece_model(config).frame_poses["top"] == (0, 0, 0.3, 0, 0, 0)
 
@@ -246,8 +261,11 @@ pieces:
     plant = build_station(load_station(tmp_path / "own.yaml")).GetSubsystemByName("plant")
     context = plant.CreateDefaultContext()
     board = transform_from_pose([0.3, -0.1, 0.1, 0.5, 0, 0])
+
     found = plant.GetFrameByName("rook").CalcPoseInWorld(context)
+
     np.testing.assert_allclose(found.translation(), board @ [0.075, 0.075, 0.007], atol=1e-12)
+
     pin, side = (
         plant.GetFrameByName(name).CalcPoseInWorld(context) for name in ("pin", "ball_side")
     )
@@ -257,9 +275,12 @@ pieces:
 def test_a_mesh_with_holes_needs_its_mass(tmp_path: Path) -> None:
     mesh = trimesh.creation.box(SIDES)
     mesh.update_faces(np.arange(len(mesh.faces)) > 0)
+
     mesh.export(tmp_path / "open.stl")
+
     with pytest.raises(SimrobError, match=r"encloses a volume.*give the mass instead"):
         station(tmp_path, "{mesh: open.stl, density: 1000}")
+
     model = part(tmp_path, "{mesh: open.stl, mass: 6}")  # as its hull
     np.testing.assert_allclose(model.inertia[:3], 6 / 12 * (SIDES @ SIDES - SIDES**2), atol=1e-6)
 
@@ -309,8 +330,10 @@ def test_a_source_that_cannot_be_is_named(tmp_path: Path, section: str, message:
     (tmp_path / "empty.stl").write_bytes(b"")
     (tmp_path / "notes.txt").write_text("no mesh")
     (tmp_path / "bad.yaml").write_text("mas: 1")
+
     for kind in MESH_FORMATS:
         (tmp_path / f"garbage{kind}").write_bytes(bytes(range(7, 256)) * 3)
+
     with pytest.raises(SimrobError, match=message) as caught:
         station(tmp_path, section)
     assert "\n" not in str(caught.value)

@@ -66,11 +66,13 @@ def test_all_formats_pass_the_same_list(tmp_path, text, name, wrong, told):
     file = tmp_path / name
     file.parent.mkdir(exist_ok=True)
     file.write_text(text.format(**{**GOOD, **wrong}, shape=""))
+
     found = [
         doubt
         for doubt in doubts(file)
         if "millimetres meant" in doubt or "moments are" in doubt or "kg mm²" in doubt
     ]
+
     assert any(told in doubt for doubt in found) if told else not found, found
 
 
@@ -78,13 +80,18 @@ def test_all_formats_pass_the_same_list(tmp_path, text, name, wrong, told):
 def test_a_centre_of_mass_in_millimetres_is_told_by_every_command(tmp_path, shape):
     file = tmp_path / "flap.urdf"
     file.write_text(URDF.format(**{**GOOD, "com": 200}, shape=shape))
+
     text = draft_station(file, folder=tmp_path)
+
     assert "link 'rod' <inertial>: its centre of mass is 200 m from" in text
+
     (tmp_path / "first.yaml").write_text(text)
     config = load_station(
         tmp_path / "first.yaml", {"duration": 0.01, "solver": {"kind": "discrete"}}
     )
+
     checked = [finding.text for finding in check_station(config) if finding.level == "warning"]
+
     for told in (checked, simulate(config, progress=False).warnings):
         assert any("its centre of mass is 200 m from" in each for each in told), told
 
@@ -93,6 +100,7 @@ def test_bodies_against_their_shapes():
     """A cube of 0.1 m: volume 1e-3 m³, moments 2 * m s² / 12 each."""
     cube = MassProperties(1e-3, np.zeros(3), 3e-3 * 0.01 / 6)
     steel = MassProperties(7.85, np.zeros(3), 7.85 * 3 * 0.01 / 6)
+
     assert doubts_by_shapes(steel, cube) == []
     assert (
         "grams" in doubts_by_shapes(steel._replace(mass=7850.0, trace=7850 * 3 * 0.01 / 6), cube)[0]
@@ -228,9 +236,11 @@ def test_a_warning_names_its_subject_once(tmp_path):
         **box(box=[100, 100, 100], mass=1e9),
     }
     (tmp_path / "station.yaml").write_text(yaml.safe_dump(content))
+
     (finding,) = (
         one
         for one in check_station(load_station(tmp_path / "station.yaml"))
         if "a side of" in one.text
     )
+
     assert f"{finding.subject}: {finding.text}".count("pieces.crate") == 1

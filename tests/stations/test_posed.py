@@ -63,5 +63,7 @@ def test_random_postures_are_within_limits_that_are_far_from_zero(limits, bounds
     """Bounds are the limits of an axis, cut to a window of one turn that is as near to zero as they allow."""
     lower, upper = np.array(limits)[:, np.newaxis]
     robot = SimpleNamespace(model=SimpleNamespace(prismatic=(False,), axis_limits=(lower, upper)))
+
     found = posture_range(robot)
+
     assert (float(found[0][0]), float(found[1][0])) == bounds

@@ -110,6 +110,7 @@ def test_a_servo_moves_its_joint_while_another_is_prescribed(station):
     result = simulate(
         load_station(station, {"servo.kp": 4000, "servo.kd": 200}), duration=1.0, progress=False
     )
+
     np.testing.assert_allclose(result["q.joint_1"], first(result.times)[0], atol=1e-7)
     assert np.abs(result["q.joint_2"] + 1.0).max() < 0.01
     assert result["q_ref.joint_1"].tolist() == pytest.approx(
@@ -123,7 +124,9 @@ def test_a_run_begins_on_the_course(station):
         station, {"prescribed.joint_1": {"kind": "sine", "frequency": 0.5, "phase_deg": 45}}
     )
     result = simulate(config, duration=0.1, progress=False)
+
     again = simulate(config, duration=0.1, start=result.final_state, progress=False)
+
     for run in (result, again):
         assert run["q.joint_1"][0] == pytest.approx(SWING * np.sqrt(0.5))
         assert run["v.joint_1"][0] == pytest.approx(SWING * RATE * np.sqrt(0.5))

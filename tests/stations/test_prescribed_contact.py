@@ -116,9 +116,11 @@ def test_a_crate_that_rides_along_takes_no_force(tmp_path: Path, solver: dict[st
     """Friction brings the crate to the carriage's speed; then nothing accelerates."""
     speed = 0.5  # [m/s]
     friction = 0.5
+
     run = carried(
         tmp_path, solver, at_constant_speed(tmp_path, speed), friction=friction, sample_rate=1000.0
     )
+
     force = run["tau.belt"]
     riding = run.times > 0.2  # 0.102 s are needed, more where the crate hops at first
     weight = CRATE * GRAVITY
@@ -127,6 +129,7 @@ def test_a_crate_that_rides_along_takes_no_force(tmp_path: Path, solver: dict[st
     catching_up = ~riding[:-1]
     impulse = np.sum((force[:-1] * np.diff(run.times))[catching_up])
     assert impulse == pytest.approx(CRATE * speed, abs=0.06)
+
     duration = 0.5  # [s]
     lag = speed**2 / (2 * friction * GRAVITY)  # while the crate slips
     assert run["piece.crate.x"][-1] == pytest.approx(speed * duration - lag, abs=2e-3)
@@ -153,7 +156,9 @@ def test_under_discrete_solvers_the_force_is_that_of_the_momenta(
         "frequency": 1.0,
     }
     run = carried(tmp_path, solver, swing, friction=0.2, sample_rate=1000.0, duration=0.4)
+
     step = 1e-3
+
     # Velocities at step ends: positions advance with the velocity of the step's end.
     crate_speed = np.diff(run["piece.crate.x"]) / step
     on_crate = CRATE * np.diff(crate_speed) / step
@@ -232,6 +237,7 @@ def test_the_motor_overcomes_what_rubs_in_the_joint(tmp_path: Path, solver: dict
     run = carried(
         tmp_path, solver, at_constant_speed(tmp_path, 0.5), friction=0.5, dynamics=dynamics
     )
+
     late = run.times > 0.25
     np.testing.assert_allclose(run["tau.belt"][late], 7 * 0.5 + 3, atol=0.5)
 
@@ -256,8 +262,10 @@ def test_of_couplings_with_contact_the_run_warns(tmp_path: Path, solver: dict[st
 def test_of_loads_that_stick_the_run_warns_under_cenic(tmp_path: Path) -> None:
     """Drake computes the friction of a recorded state by another law than cenic steps with."""
     run = carried(tmp_path, CENIC, {"kind": "hold"}, friction=0.5, duration=0.02)
+
     assert any(
         "prescribed joints belt" in warning and "cenic" in warning for warning in run.warnings
     )
+
     without = carried(tmp_path, RADAU3, {"kind": "hold"}, friction=0.5, duration=0.02)
     assert not [warning for warning in without.warnings if "prescribed" in warning]

@@ -46,6 +46,7 @@ def test_a_run_reads_sections_and_urdf_with_a_third_of_the_calls(calls):
     counts = Counter()
     for (file, _), count in calls.items():
         counts[file] += count
+
     assert 0 < counts["sections.py"] <= CALLS_BEFORE["sections.py"] / 3
     together = counts["sections.py"] + counts["urdf.py"]
     assert together <= sum(CALLS_BEFORE.values()) / 3
@@ -115,7 +116,9 @@ def test_a_changed_urdf_is_read_again(copied_models):
 def test_changed_copies_of_a_configuration_share_its_robots():
     config = load_station("irb120_dynamic")
     changed = config.model_copy(update={"duration": 1.0})
+
     before, after = resolve(config), resolve(changed)
+
     assert after is not before
     assert after.robots["robot"].model is before.robots["robot"].model
 

@@ -41,10 +41,12 @@ def warnings_of(config):
 def test_lost_friction_names_the_setting_that_brings_it_back(tmp_path):
     file = lifting_file(tmp_path, [{"wait": 0.1}], friction=1.0)
     (warning,) = warnings_of(load_station(file))
+
     assert warning == (
         "the import of lift_gripper.urdf leaves out joint friction, which is seldom measured: lift 1 N; "
         "`--set robot.drives.friction.lift=1` restores it"
     )
+
     with_friction = load_station(file, {"robot.drives.friction.lift": 1})
     assert warnings_of(with_friction) == []
 
@@ -52,6 +54,7 @@ def test_lost_friction_names_the_setting_that_brings_it_back(tmp_path):
 def test_lost_friction_of_an_only_robot_with_a_name_has_a_setting_that_acts(tmp_path):
     file = named(lifting_file(tmp_path, [{"wait": 0.1}], friction=1.0))
     (warning,) = warnings_of(load_station(file))
+
     assert "`--set robots.arm.drives.friction.lift=1` restores it" in warning
     assert warnings_of(load_station(file, {"robots.arm.drives.friction.lift": 1})) == []
 
@@ -62,10 +65,13 @@ ESTIMATE = "robots.arm.import_options.estimate_inertia"
 def test_links_without_inertia_name_the_key_of_the_robot_that_has_them(tmp_path):
     """The key of a robot with a name is under `robots`: the key `robot` would be refused."""
     file = named(lifting_file(tmp_path, [{"wait": 0.1}], right_has_inertia=False))
+
     with pytest.raises(SimrobError, match=rf"kinematic, or {ESTIMATE} to true"):
         check_station(load_station(file))
+
     kinematic = load_station(file, KINEMATIC)
     (warning,) = simulate(kinematic, progress=False).warnings
+
     assert f"set {ESTIMATE} to true, or write the inertias in the URDF" in warning
     assert load_station(file, {ESTIMATE: True}).robots["arm"].import_options.estimate_inertia
 
@@ -78,7 +84,9 @@ def test_torques_that_are_not_predicted_name_the_key_of_the_robot(tmp_path):
     )
     file = tmp_path / "bare.yaml"
     file.write_text("{mode: kinematic, robots: {arm: {urdf: arm.urdf}}}")
+
     texts = [finding.text for finding in check_station(load_station(file))]
+
     (text,) = [text for text in texts if text.startswith("not predicted")]
     assert text.endswith(f"set {ESTIMATE} to true")
 
@@ -86,6 +94,7 @@ def test_torques_that_are_not_predicted_name_the_key_of_the_robot(tmp_path):
 def test_a_run_says_that_friction_was_left_out_and_not_that_it_is_inaccurate(tmp_path):
     file = lifting_file(tmp_path, [{"wait": 0.1}], friction=1.0)
     result = simulate(load_station(file, SHORT), progress=False)
+
     assert str(result.verdict).endswith("Joint friction was left out")
     assert result.verdict.severity == "warning"
 
@@ -93,10 +102,14 @@ def test_a_run_says_that_friction_was_left_out_and_not_that_it_is_inaccurate(tmp
 def test_a_warning_before_the_run_is_not_repeated_after_it(tmp_path, capfd):
     file = lifting_file(tmp_path, [{"wait": 0.1}], friction=1.0)
     settings = ["--set", "program=null", "--set", "duration=0.05", "--no-recording"]
+
     code = run_command(["run", str(file), *settings, "--out", str(tmp_path / "run")])
+
     assert code == 0
+
     captured = capfd.readouterr()
     text = " ".join((captured.out + captured.err).split())
+
     assert text.count("leaves out joint friction") == 1
     assert "Joint friction was left out." in text
 
@@ -132,13 +145,17 @@ def test_a_kinematic_station_warns_of_a_weight_that_its_forces_lack(tmp_path):
 def test_an_estimated_inertia_is_a_note_of_the_run_and_of_its_summary(tmp_path):
     file = lifting_file(tmp_path, [{"wait": 0.1}], right_has_inertia=False)
     config = load_station(file, {**SHORT, "robot.import_options": {"estimate_inertia": True}})
+
     note = "the inertia of finger_right (0.027 kg) is an estimate, since lift_gripper.urdf has no usable value"
+
     assert note in [finding.text for finding in check_station(config)]
+
     result = simulate(config, progress=False)
     assert [(remark.severity, remark.text) for remark in result.verdict.remarks[1:]] == [
         ("note", note)
     ]
     assert result.verdict.severity == "success"
+
     result.save(tmp_path / "run", recording=False)
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())
     assert {"severity": "note", "text": note} in summary["verdict"]["remarks"]
@@ -147,12 +164,14 @@ def test_an_estimated_inertia_is_a_note_of_the_run_and_of_its_summary(tmp_path):
 def test_a_first_station_says_that_it_estimated_an_inertia(tmp_path, capfd):
     file = tmp_path / "lift_gripper.urdf"
     file.write_text(gripper_urdf(right_has_inertia=False))
+
     assert (
         run_command(
             ["station", str(file), "--estimate-inertia", "--out", str(tmp_path / "first.yaml")]
         )
         == 0
     )
+
     sentence = "The inertia of finger_right (0.027 kg) is an estimate, since lift_gripper.urdf has no usable value."
     assert sentence in " ".join(capfd.readouterr().out.split())
     assert f"# {sentence}\n" in (tmp_path / "first.yaml").read_text()

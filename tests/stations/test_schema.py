@@ -23,7 +23,9 @@ def test_the_schema_file_is_up_to_date():
 
 def test_the_kinds_are_those_of_the_union():
     models = monitors.KINDS.models
+
     assert models["fall"] is Fall
+
     kinds = station_schema()["properties"]["monitors"]["additionalProperties"]["discriminator"][
         "mapping"
     ]
@@ -32,6 +34,7 @@ def test_the_kinds_are_those_of_the_union():
 
 def test_every_key_of_the_schema_is_explained():
     schema = station_schema()
+
     sections = {"": schema, **schema["$defs"]}
     keys = {
         f"{name}.{key}": entry

@@ -111,10 +111,12 @@ def test_each_robot_has_its_own_and_pieces_that_fly_do_not_matter():
         "pieces.stone": stone,
     }
     result = simulate(load_station("two_irb120", change), progress=False)
+
     off = {
         name: np.rad2deg(np.abs(result.axes("q", name) - result.axes("q_ref", name)))[-1]
         for name in result.plant.robots
     }
+
     assert off["left"].max() < 1e-2
     assert off["right"].max() > 0.5
 
@@ -148,7 +150,9 @@ def test_gravity_asks_for_no_speed_and_an_input_of_torques_comes_on_top():
 def test_a_cascade_goes_no_faster_than_its_limit():
     fast = {"reference": {"kind": "hold", "target_deg": {"joint_1": 60}}, "servo.law": "cascade"}
     slow = {**fast, "servo.speed_limit": 0.5, "servo.kd": 200, "servo.kp": 4000}
+
     result = simulate(load_station("irb120_dynamic", slow), progress=False)
+
     speed = np.abs(result["v.joint_1"])
     assert speed[50:150] == pytest.approx(0.5, abs=0.01)  # asked for 60 degrees at once, it cruises
     assert result["q.joint_1"][-1] == pytest.approx(np.deg2rad(60), abs=2e-3)

@@ -54,6 +54,7 @@ def test_a_quadruped_whose_home_is_on_its_knees_is_put_on_its_feet(quadruped, cl
 @pytest.mark.long
 def test_a_robot_that_stands_at_home_stays_as_it_is(quadruped, clearance_of):
     _, stance = first_of(clearance_of(quadruped(knees_deg=0.0, most_deg=10.0), **DYNAMIC))
+
     assert stance is not None
     assert stance.how == "in the home posture"
     assert stance.height == pytest.approx(0.4)
@@ -68,7 +69,9 @@ def test_motors_have_to_hold_what_a_robot_holds_out(robot_of, clearance_of, effo
     )
     clearance = clearance_of(urdf, **DYNAMIC)
     stances = Stances(clearance, clearance.station.robots["robot"])
+
     found = list(stances.find())
+
     if effort > 2.0:
         assert [(stance.how, list(stance.standing.carrying_links)) for stance in found] == [
             ("in the home posture", ["trunk"])
@@ -98,7 +101,9 @@ def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearan
         base="floating",
         axes=["arm_joint", "hand_joint"],
     )
+
     _, stance = first_of(clearance_of(urdf, **DYNAMIC))
+
     assert stance is not None
     assert stance.posture.any()
     assert stance.how == "in the home posture, with some links turned apart"
@@ -108,10 +113,14 @@ def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearan
 def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
     urdf = quadruped()
     clearance = clearance_of(urdf, **DYNAMIC)
+
     kneeling = Stances(clearance, clearance.station.robots["robot"]).as_it_is()
+
     assert kneeling is not None
+
     base = {"base": [0.0, 0.0, kneeling.height, 0.0, 0.0, 0.0]}
     texts = [finding.text for finding in check_station(clearance_of(urdf, base, **DYNAMIC).config)]
+
     assert any(text.startswith("the robot kneels: the contact points of shank0") for text in texts)
 
 
@@ -119,7 +128,9 @@ def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
 def test_the_draft_of_a_quadruped_was_tried_and_has_a_fall_monitor(quadruped, tmp_path):
     text = draft_station(quadruped(), folder=tmp_path)
     (file := tmp_path / "first.yaml").write_text(text)
+
     config = load_station(file)
+
     assert "# The robot stands with its legs bent to 90% of their length, on shank" in text
     assert "# In a trial run, after 2 s the robot leans by 0.0 deg" in text
     fall = config.monitors["fall"]
@@ -146,6 +157,7 @@ def test_a_stance_that_does_not_hold_is_no_stance(quadruped, tmp_path, monkeypat
 
 def test_of_a_robot_that_finds_no_stance_the_draft_says_so(quadruped, tmp_path):
     text = draft_station(quadruped(legs=1), folder=tmp_path)
+
     assert "# No posture was found in which the robot stands on its feet. In the best of " in text
     assert "the centre of mass is" in text
     assert "in a trial run, the robot fell at 0." in text
@@ -157,7 +169,9 @@ def test_a_robot_that_nothing_could_carry_is_held(robot_of, tmp_path):
         for part in (link("trunk", "1 1 1"), link("bar", "1 1 1", "0 0 1"))
     ]
     urdf = robot_of(*bare, joint("bar", "trunk", "0 0 0"), base="floating", axes=["bar_joint"])
+
     text = draft_station(urdf, folder=tmp_path)
+
     assert "no collision shapes" in text
     assert "base: fixed" in text
 
@@ -181,5 +195,7 @@ def test_a_trial_tells_what_stands_from_what_falls(
     pitch = np.deg2rad(tilt)
     base = {"base": [0.0, 0.0, 0.05 * np.sin(pitch), 0.0, pitch, 0.0]}
     config = clearance_of(urdf, base, monitors=monitors, **DYNAMIC).config
+
     stood, text = stands(config)
+
     assert (stood, text.startswith(told)) == (held, True), text

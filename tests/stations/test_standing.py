@@ -32,6 +32,7 @@ def findings(name: str, overrides: dict[str, object] | None = None) -> list[Find
 @pytest.mark.parametrize("name", LEGGED)
 def test_every_legged_station_begins_on_the_floor_and_balanced(name: str) -> None:
     assert [finding for finding in findings(name) if finding.level != "ok"] == []
+
     found = stands(name)
     assert abs(found.gap) < 1e-4
     assert found.margin > 0.03
@@ -39,14 +40,17 @@ def test_every_legged_station_begins_on_the_floor_and_balanced(name: str) -> Non
 
 def test_the_humanoids_balance_is_that_of_its_figures() -> None:
     found = stands("humanoid_dynamic")
+
     assert found.mass == pytest.approx(2.292, abs=1e-6)
     assert found.contacts == 12
     # heel of area C, centre of mass; facts
     assert found.margin == pytest.approx(0.04725 + 0.0015, abs=1e-4)
+
     # the ankles lie 25.4 mm outside of the hips, and each carries half the weight
     hips = found.torque[[4, 12]]
     # kg m, outside of the hip's axis
     own_legs = 0.085 * 0.004 + 0.176 * 0.025 + (0.161 + 0.126) * 0.02537
+
     expected = 9.80665 * (2.292 / 2 * 0.02537 - own_legs)
     np.testing.assert_allclose(np.abs(hips), expected, rtol=0.02)
 
@@ -54,6 +58,7 @@ def test_the_humanoids_balance_is_that_of_its_figures() -> None:
 def test_the_quadrupeds_knees_carry_the_weight() -> None:
     """The centre of mass divides the weight between rear and front feet; each knee holds it at its lever."""
     found = stands("yobotics_dynamic")
+
     knee_to_foot = 0.23039 * np.sin(0.8) - 0.025 * np.sin(0.8)  # the ball touches under its middle
     assert found.contacts == 4
     knees = found.torque[[2, 5, 8, 11]]
@@ -87,7 +92,9 @@ def test_a_robot_on_two_points_is_no_robot_that_stands(tmp_path: Path) -> None:
         for f in findings(str(tmp_path / "leg.yaml"))
         if f.level == "warning" and f.subject == "base"
     ]
+
     height = (2 * (0.22 + 0.1) + 1 * 0.02) / 3
+
     assert stands(str(tmp_path / "leg.yaml")).height == pytest.approx(height, abs=1e-9)
     lean = np.rad2deg(0.002 / height)
     assert (
@@ -97,7 +104,9 @@ def test_a_robot_on_two_points_is_no_robot_that_stands(tmp_path: Path) -> None:
 
 def test_a_drop_and_a_penetration_are_foretold() -> None:
     high = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.5, 0, 0, 0]})
+
     assert any(f.level == "warning" and "54.00 mm above the floor" in f.text for f in high)
+
     low = findings("humanoid_dynamic", {"robot.base": [0, 0, 0.44, 0, 0, 0]})
     # The original starts 6 mm too low.
     assert any(f.level == "warning" and "overlap by 6.0 mm" in f.text for f in low)
@@ -116,7 +125,9 @@ def test_nothing_to_stand_on_is_foretold(missing: str) -> None:
 def test_box_soles_want_hydroelastic_contact() -> None:
     overrides = {"robot.feet": "soles", "robot.base": [0, 0, 0.44496, 0, 0, 0]}
     (finding,) = [f for f in findings("humanoid_dynamic", overrides) if f.level == "warning"]
+
     assert "contact.model to hydroelastic_with_fallback" in finding.text
+
     overrides["contact.model"] = "hydroelastic_with_fallback"
     assert [f for f in findings("humanoid_dynamic", overrides) if f.level == "warning"] == []
 
@@ -181,7 +192,9 @@ def test_a_robot_without_feet_stands_on_its_collision_shapes(shape: str, tmp_pat
         "servo: {realization: implicit, kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
         "solver: {kind: discrete, scheme: sap, time_step: 0.002}\n"
     )
+
     found = stands(str(tmp_path / "leg.yaml"))
+
     assert found.gap == pytest.approx(0.5 - 0.21 - reach, abs=1e-9)
     assert found.contacts == points
     assert found.margin == pytest.approx(
@@ -195,9 +208,11 @@ def test_without_feet_and_collision_shapes_it_falls(tmp_path: Path) -> None:
         "robot: {urdf: leg.urdf, import_options: {base: floating, collision: none}}\n"
         "servo: {kp: 10, kd: 1}\nfloor: {}\ncontact: {}\n"
     )
+
     texts = [
         finding.text
         for finding in findings(str(tmp_path / "leg.yaml"))
         if finding.level == "warning"
     ]
+
     assert texts == ["the base is free: without collision shapes, the robot falls"]

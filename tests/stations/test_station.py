@@ -47,6 +47,7 @@ def test_the_ports_are_those_of_the_contract():
 def test_listed_inputs_are_added():
     names = ["feedforward", "reference_velocity", "external_force"]
     station = build_station(load_station("irb120_dynamic", {"inputs": names}))
+
     assert ports_of(station)[0] == {"reference", *names}
     assert station.GetInputPort("external_force").size() == 3
     assert station.GetInputPort("feedforward").size() == 6
@@ -66,6 +67,7 @@ def test_ports_of_several_robots_carry_their_names():
 def test_the_plant_stands_directly_in_the_builder():
     builder = DiagramBuilder()
     ports = add_station(builder, load_station("irb120_dynamic"))
+
     assert builder.HasSubsystemNamed("plant")
     assert builder.GetSubsystemByName("plant") is ports.plant.plant
 
@@ -91,7 +93,9 @@ def test_a_loop_that_reads_a_pose_has_its_block():
         "torque": {},
     }
     config = load_station("irb120_dynamic", {"controllers": {"law": flow}, "duration": 0.2})
+
     assert "poses" in stepped_blocks(config)
+
     result = simulate(config)
     np.testing.assert_array_equal(result["law.height"], result["tcp.z"])
 
@@ -111,6 +115,7 @@ def test_the_servo_law(realization):
     reference, velocity = np.linspace(-0.02, 0.03, 6), np.linspace(0.1, -0.2, 6)
     feedforward = np.linspace(1, 2, 6)
     overrides = {"inputs": ["feedforward", "reference_velocity"], "robot.initial_deg": 1.0}
+
     torque = torque_at(
         realization,
         overrides,
@@ -118,6 +123,7 @@ def test_the_servo_law(realization):
         reference_velocity=velocity,
         feedforward=feedforward,
     )
+
     expected = 1000 * (reference - np.deg2rad(1.0)) + 10 * velocity + feedforward
     np.testing.assert_allclose(torque, expected, rtol=1e-12)
 
@@ -182,7 +188,9 @@ def test_an_external_force_is_felt_as_its_torque(port, value, felt):
     context = diagram.CreateDefaultContext()
     plant = ports.plant.plant
     acceleration = diagram.EvalTimeDerivatives(context).get_generalized_velocity().CopyToVector()
+
     mass = plant.CalcMassMatrix(plant.GetMyContextFromRoot(context))
+
     np.testing.assert_allclose(mass @ acceleration, felt, atol=1e-9)
 
 
@@ -197,11 +205,13 @@ def test_a_kinematic_station_gives_the_torques_of_inverse_dynamics():
     own = plant.CreateDefaultContext()
     plant.SetPositions(own, q)
     plant.SetVelocities(own, v)
+
     expected = (
         plant.CalcMassMatrix(own) @ a
         + plant.CalcBiasTerm(own)
         - plant.CalcGravityGeneralizedForces(own)
     )
+
     np.testing.assert_allclose(station.GetOutputPort("torque").Eval(context), expected, atol=1e-10)
     np.testing.assert_array_equal(station.GetOutputPort("position").Eval(context), q)
 
@@ -231,7 +241,9 @@ def test_a_robots_base_moves_its_tool_along():
         simulate(load_station("irb120_dynamic", o), duration=0.02)
         for o in ({"robot.base": base}, {})
     )
+
     expected = transform_from_pose(base) @ transform_from_xyz_quaternion(straight.pose("tcp")[0])
+
     assert expected.IsNearlyEqualTo(transform_from_xyz_quaternion(moved.pose("tcp")[0]), 1e-12)
 
 
@@ -241,7 +253,9 @@ def test_any_clean_urdf_by_path_gives_the_same_motion(tmp_path):
     (folder / "robot.yaml").unlink()
     overrides = {"pieces": {}, "robot": {"model": None, "urdf": str(folder / "irb120.urdf")}}
     mine = simulate(load_station("irb120_dynamic", overrides), duration=0.3)
+
     ours = simulate(load_station("irb120_dynamic", {"pieces": {}}), duration=0.3)
+
     np.testing.assert_array_equal(mine.axes("q"), ours.axes("q"))
 
 
@@ -251,7 +265,9 @@ def test_a_link_without_inertia_is_refused_for_dynamics_and_moves_kinematically(
     text = (folder / "irb120.urdf").read_text()
     start = text.index("<inertial>", text.index('<link name="link_6"'))
     end = text.index("</inertial>", start) + len("</inertial>")
+
     (folder / "irb120.urdf").write_text(text[:start] + text[end:])
+
     robot = {"robot": {"model": None, "urdf": str(folder / "irb120.urdf")}, "pieces": {}}
     with pytest.raises(SimrobError, match="moving links link_6 have no inertia"):
         simulate(load_station("irb120_dynamic", robot))
@@ -269,7 +285,9 @@ def test_the_velocity_of_a_base_is_that_of_its_pose():
     plant.SetVelocities(state, velocities)
     root = station.ports.plant.robots["robot"].root
     expected = root.CalcSpatialVelocityInWorld(plant.GetMyContextFromRoot(context))
+
     told = station.GetOutputPort("base_velocity").Eval(context)
+
     assert told == pytest.approx(np.concatenate([expected.translational(), expected.rotational()]))
 
 
@@ -285,14 +303,18 @@ def test_a_force_at_the_tool_of_a_robot_without_tools_is_refused_and_one_beside_
     )
     (tmp_path / "robot.yaml").write_text("urdf: bare.urdf\nbase: fixed\nroot: base\naxes: [j]\n")
     bare, file = {"model": "robot.yaml"}, tmp_path / "station.yaml"
+
     file.write_text(yaml.safe_dump({"robot": bare, "inputs": ["external_force"]}))
+
     with pytest.raises(SimrobError, match=r"external_force.*for a robot with a tool"):
         build_station(load_station(file))
+
     file.write_text(
         yaml.safe_dump(
             {"robots": {"a": bare, "b": {"model": "irb120"}}, "inputs": ["external_force"]}
         )
     )
     station = build_station(load_station(file))
+
     assert station.HasInputPort("b.external_force")
     assert not station.HasInputPort("a.external_force")

@@ -49,10 +49,13 @@ def warnings(config):
 
 def test_a_draft_takes_the_solver_that_gets_through(drafted):
     config = load_station(drafted(lower=0.0))
+
     assert (config.solver.kind, config.servo_of("robot").realization) == ("discrete", "implicit")
     assert warnings(config) == []
+
     result = simulate(config, progress=False)
     error = np.rad2deg(np.abs(result.axes("q_ref") - result.axes("q")))
+
     assert result.ending == "completed"
     assert error[-1].max() < 1.05
     assert error.max() < 1.5
@@ -60,6 +63,7 @@ def test_a_draft_takes_the_solver_that_gets_through(drafted):
 
 def test_away_from_its_stops_the_same_finger_moves_in_continuous_time(drafted):
     config = load_station(drafted(lower=-0.5))
+
     assert config.solver.kind == "continuous"
     assert warnings(config) == []
     assert len(simulate(config, progress=False).step_times) < 200
@@ -68,6 +72,7 @@ def test_away_from_its_stops_the_same_finger_moves_in_continuous_time(drafted):
 def test_a_stop_too_stiff_for_its_link_is_foretold_where_it_is_leaned_on(drafted):
     file = drafted(lower=0.0)
     (text,) = warnings(load_station(file, CREEPING))
+
     assert "bend_second moves" in text
     assert "joint_stops.stiffness" in text
     assert "use solver.kind discrete and servo.realization implicit" in text
@@ -78,6 +83,7 @@ def test_a_stop_too_stiff_for_its_link_is_foretold_where_it_is_leaned_on(drafted
         )
         == []
     )
+
     (on_the_way,) = warnings(
         load_station(file, {**CREEPING, "robot.initial_deg": 30, "reference.target_deg": 0})
     )
@@ -110,7 +116,9 @@ def test_a_run_that_gets_on_says_nothing(capsys):
 def test_a_trial_ends_when_its_work_is_done(monkeypatch):
     """Twenty evaluations of the dynamics are no move of three seconds."""
     config = load_station("irb120_dynamic")
+
     assert gets_through(config)
+
     monkeypatch.setattr(draft_trials, "_MOST_EVALUATIONS", 20)
     assert not gets_through(config)
 

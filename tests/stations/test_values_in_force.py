@@ -36,7 +36,9 @@ def test_a_density_gives_the_mass_of_the_shapes() -> None:
 def test_a_motor_gives_the_torque_limit_and_its_own_values() -> None:
     motor = read_yaml(models_root() / "motors.yaml")["mx_28"]
     by_name = found("humanoid_balance", {"servo.motor": "mx_28"})
+
     assert by_name["servo.torque_limit"] == ValueInForce(motor["stall_torque"], "motor")
+
     by_section = found("humanoid_balance", {"servo.motor": {"model": "mx_28", "rated_torque": 0.5}})
     assert by_section["servo.motor.stall_torque"] == ValueInForce(motor["stall_torque"], "motor")
     assert "servo.motor.rated_torque" not in by_section
@@ -49,8 +51,10 @@ def test_gains_are_those_of_the_robots_file() -> None:
 
 def test_limits_that_differ_are_given_by_axis() -> None:
     values = found("irb120_dynamic")
+
     assert values["servo.torque_limit"].value["joint_6"] == 15
     assert values["servo.torque_limit"].origin == "robot"
+
     # The integral part may reach the torque limit, which is then that of the station.
     limited = found("irb120_dynamic", {"servo.torque_limit": 40})
     assert "servo.torque_limit" not in limited

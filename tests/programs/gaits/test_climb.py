@@ -62,27 +62,34 @@ def places(found):
 
 def test_treads_are_the_level_stretches():
     found = way((0.2, 0.03), (0.5, 0.0)).treads
+
     assert [round(each.height, 3) for each in found] == [0.0, 0.03, 0.0]
     np.testing.assert_allclose(
         [(each.begin, each.end) for each in found[:2]], [(-0.3, 0.2), (0.2, 0.5)], atol=0.003
     )
+
     inclined = profile_ahead(lambda at: 0.1 * at[:, 0], 1.0, np.array([-0.1, 0.1]))
     assert inclined.next_stride(0.0, SOLE, 0.1, 1.0) is None
+
     across = profile_ahead(lambda at: 0.1 * at[:, 1], 1.0, np.array([-0.1, 0.1]))
     assert across.treads == []
 
 
 def test_toes_keep_from_what_rises_and_heels_hang_over_what_is_lower():
     up = strides(way((0.2, 0.03)), distance=0.6)
+
     # toes up to 0.18, then heels at 0.17 on the tread
     assert places(up) == [0.1, 0.24, 0.34, 0.44, 0.54, 0.6]
+
     rising = next(each for each in up if each.height > 0)
     assert rising.position - SOLE.half == pytest.approx(0.2 - SOLE.overhang, abs=0.004)
     assert max(each.position for each in up if not each.height) + SOLE.half == pytest.approx(
         0.2 - SOLE.margin, abs=0.015
     )
+
     down = strides(way((-0.2, 0.03), (0.2, 0.0)), distance=0.6)
     falling = next(each for each in down if each.height < 0.01)
+
     assert falling.position - SOLE.half == pytest.approx(0.2 + SOLE.margin, abs=0.004)
     before = max(each.position for each in down if each.height > 0.01)
     assert before + SOLE.half == pytest.approx(0.2 + SOLE.overhang, abs=0.004)
@@ -90,12 +97,16 @@ def test_toes_keep_from_what_rises_and_heels_hang_over_what_is_lower():
 
 def test_gaps_and_thresholds_are_stepped_over():
     gap = strides(way((0.2, -0.05), (0.26, 0.0)), distance=0.6)
+
     assert not any(each.height < 0 for each in gap)
+
     over = next(each for each in gap if each.position - SOLE.half > 0.2)
     assert over.position - SOLE.half == pytest.approx(0.26 - SOLE.overhang, abs=0.004)
     assert over.over == 0.0
+
     bar = strides(way((0.2, 0.04), (0.25, 0.0)), distance=0.6)
     over = next(each for each in bar if each.position > 0.2)
+
     assert over.over == pytest.approx(0.04)
     assert over.position - SOLE.half == pytest.approx(0.25 + SOLE.margin, abs=0.004)
     assert all(
@@ -105,7 +116,9 @@ def test_gaps_and_thresholds_are_stepped_over():
 
 def test_what_is_too_short_for_a_sole_is_no_foothold():
     narrow = way((0.2, 0.03), (0.28, 0.06), distance=1.0)
+
     assert 0.03 not in [round(each.height, 2) for each in strides(narrow, distance=1.0)]
+
     pits = way(
         *[(0.2 + 0.05 * number, -0.05 * (number % 2 == 0)) for number in range(40)], distance=1.0
     )
@@ -134,10 +147,12 @@ def test_soles_clear_the_edge_and_the_weight_is_over_the_one_that_stands(rise):
     )  # fmt: skip
     poses, feet = soles_of(motion, walker, "soles")
     origin = poses["left_foot"][0, :3, 3] - [0.0, left["left_foot"], feet["left_foot"].over]
+
     masses, points = (
         walker.skeleton.point_masses,
         walker.skeleton.mass_points(walker.skeleton.frames(motion.positions, motion.root)),
     )
+
     for name, pose in poses.items():
         (other,) = (each for each in poses if each != name)
         middle = pose[:, :3, 3] - origin
@@ -174,10 +189,12 @@ def test_four_feet_roll_on_their_heights_with_the_weight_between_the_three_that_
     }
     motion = Climb.plan_by_name("yobotics", 0, "climb", start=start, goals=goals, over=0.08)
     poses, _ = soles_of(motion, walker, None)
+
     step, points = (
         motion.times[1],
         walker.skeleton.mass_points(walker.skeleton.frames(motion.positions, motion.root)),
     )
+
     com = np.einsum("k,mkx->mx", walker.skeleton.point_masses, points) / walker.skeleton.mass
     assert motion.root[-1, 2, 3] - motion.root[0, 2, 3] == pytest.approx(0.04, abs=1e-6)
     assert motion.root[0, 2, 3] == pytest.approx(0.30 + 0.02)
@@ -287,7 +304,9 @@ def test_a_robot_on_four_legs_crosses_gaps():
     robot = LeggedRobot(
         load_station("yobotics_walking", {"controllers": {}, "floor.terrain": gaps})
     )
+
     result = robot.do({"climb": {"distance": 0.7}})
+
     assert result.ending == "completed"
     assert robot.base_pose.translation() == pytest.approx([0.7, 0.0, 0.3], abs=0.02)
     assert result["base.z"].min() > 0.28
@@ -297,6 +316,7 @@ def test_a_robot_on_four_legs_crosses_gaps():
 def test_a_robot_climbs_a_step_and_comes_down_again():
     robot = LeggedRobot(load_station("zjudancer_walking", {**SOLES, "floor.terrain": STAIRS}))
     result = robot.do({"climb": {"distance": 0.55}})
+
     assert (result.ending, result.did) == ("completed", "climb 0.55 m")
     assert robot.base_pose.translation() == pytest.approx([0.0, 0.55, 0.48], abs=0.012)
     on_top = np.abs(result["base.y"] - 0.245) < 0.01
@@ -310,6 +330,7 @@ def test_hips_come_down_where_a_stride_is_long():
         planned_gait(robot, "climb", {"stride": way}, bends=True).root[0, 2, 3]
         for way in (0.15, 0.16)
     ]
+
     assert heights == pytest.approx([0.48, 0.48 * 0.97])
     with pytest.raises(SimrobError, match=r"left_foot is 3\.\d+ mm too short"):
         planned_gait(robot, "climb", {"stride": 0.16})
@@ -332,9 +353,11 @@ def test_the_feet_of_a_climber_among_others_are_chosen_in_its_own_section(tmp_pa
         for name, x in (("a", 0.0), ("b", 1.0))
     }
     file = tmp_path / "two.yaml"
+
     file.write_text(
         yaml.safe_dump({"robots": both, "floor": {"size": 3}, "contact": {"model": "point"}})
     )
+
     with pytest.raises(SimrobError, match=r": --set robots\.b\.feet=soles$"):
         planned_gait(LeggedRobot(load_station(file), "b"), "climb", {})
 

@@ -44,13 +44,16 @@ def test_the_tip_of_the_foot_goes_through_the_point_at_the_speed(name, speed, ah
     toward = np.array([np.cos(turn), np.sin(turn)])
     tip = kicking[:, :2, 3] + feet["left_foot"].half[0] * toward - origin
     speeds = np.gradient(tip @ toward, motion.times)
+
     nearest = int(np.linalg.norm(tip - [ahead, left], axis=1)[speeds > 0.9 * speed].argmin())
+
     at = np.flatnonzero(speeds > 0.9 * speed)[nearest]
     assert np.linalg.norm(tip[at] - [ahead, left]) < speed * 0.5 * 0.01 + 1e-3  # half a sample
     assert speeds[at] == pytest.approx(speed, rel=0.02)
     assert speeds.max() < 1.01 * speed
     np.testing.assert_allclose(standing, np.broadcast_to(standing[0], standing.shape), atol=1e-6)
     np.testing.assert_allclose(kicking[-1], kicking[0], atol=1e-6)
+
     lift = walker.gaits.section("kicks")["kick"]["lift"]
     assert kicking[at, 2, 3] - kicking[0, 2, 3] == pytest.approx(lift, abs=1e-6)
 
@@ -63,10 +66,14 @@ def test_a_ball_flies_as_it_is_hit_and_rolls_as_a_hollow_one_does():
     station = {**SOLES, "servo.motor": "mx_106", "pieces.ball": ball(0.175, 0.06)}
     robot = LeggedRobot(load_station("zjudancer_dynamic", station))
     goal = (robot.cell.frame("ball").translation()[:2] + 2.0 * way).tolist()
+
     kick = robot.do({"kick": {"ball": "ball", "speed": 0.7, "toward": goal, **QUICK}})
+
     assert kick.stopped_by is None
+
     motion, place = kick.piece_velocity("ball"), kick.piece_pose("ball")[:, :2]
     fastest = int(np.linalg.norm(motion[:, :2], axis=1).argmax())
+
     assert not motion[: fastest - 15].round(2).any()  # it lay still until then
     assert 0.7 * 0.9 < np.linalg.norm(motion[fastest, :2]) < 0.7 * 1.9
     flown = place[-1] - place[0]
@@ -104,6 +111,7 @@ def test_a_ball_flies_as_it_is_hit_and_rolls_as_a_hollow_one_does():
 def test_what_cannot_be_kicked_is_refused_before_anything_moves(move, changes, message):
     station = {"servo.motor": "mx_106", "pieces.ball": ball(0.175, 0.06), **changes}
     robot = LeggedRobot(load_station("zjudancer_dynamic", station))
+
     with pytest.raises(SimrobError, match=message):
         robot.do({"kick": move})
     assert robot.runs == []
@@ -111,9 +119,11 @@ def test_what_cannot_be_kicked_is_refused_before_anything_moves(move, changes, m
 
 def test_a_kick_that_is_too_fast_is_told_the_largest_speed_that_works():
     robot = LeggedRobot(load_station("zjudancer_dynamic", {"servo.motor": "mx_106"}))
+
     station = robot.cell.config
     with pytest.raises(SimrobError, match=r"it must be at most [\d.]+ m/s: ") as refused:
         KickMove(speed=1.5).swing(robot, station, {})
+
     largest = float(re.search(r"at most ([\d.]+) m/s", str(refused.value))[1])
     assert 0.3 < largest < 1.5
     assert KickMove(speed=largest).swing(robot, station, {}).duration > 0
@@ -131,7 +141,9 @@ def test_legs_that_do_not_turn_kick_ahead_alone():
     walker = Walker.of("humanoid")
     kick = Kick.of(walker, "kick", {})
     motion = kick.plan(walker)
+
     foot = {foot.name: foot for foot in walker.feet()}["right_foot"]
+
     assert np.ptp(motion.positions[:, list(foot.axes)], axis=0).max() > 0.2
     with pytest.raises(
         InvalidParameter, match=r"toward_deg is 5\.0; it must be 0, because the legs of humanoid"

@@ -20,9 +20,11 @@ COUNT = 50
 def test_legs_there_and_back(name):
     skeleton, facing = skeleton_of(name), load_gaits(name).facing_deg
     rng = np.random.default_rng(3)
+
     root = stack_poses(
         rng.uniform(-0.1, 0.1, (COUNT, 3)), np.tile(facing_rotation(facing), (COUNT, 1, 1))
     )
+
     bent = np.array(
         [
             40.0 if "knee" in axis else -20.0 if "hip_pitch" in axis else 0.0
@@ -94,7 +96,9 @@ def test_a_leg_nearly_straight_is_in_reach():
 def test_a_joint_beyond_its_limit_is_named():
     skeleton = skeleton_of("yobotics")
     foot = feet_of(skeleton, 0.0)[0]
+
     start = np.deg2rad(skeleton.model.axis_vector(skeleton.model.home_deg, "home"))[np.newaxis]
+
     goal = np.eye(4)[np.newaxis]
     goal[:, :3, 3] = foot.home + np.array([0.0, 0.28, 0.35])
     with pytest.raises(OutOfReach, match=r"rear_left_hip_roll would need .* beyond its limits"):

@@ -65,11 +65,15 @@ def test_a_robot_that_walks_by_commands_says_so_when_asked_for_a_planned_walk(
 ):
     own = walker_by_commands(tmp_path)
     station = load_station("zjudancer_dynamic", {"robot.model": str(own / "robot.yaml")})
+
     said = r"robot mine: it has no planned walk: it walks by commands; "
+
     with pytest.raises(InvalidParameter, match=said + r"use \{go: \{ahead: 0\.1\}\} in a program$"):
         LeggedRobot(station).walk(3)
+
     (own / "walking.yaml").touch()
     monkeypatch.chdir(tmp_path)
+
     with pytest.raises(
         InvalidParameter, match=said + r"run `simrob run mine/walking\.yaml`, or use \{go: "
     ):
@@ -79,7 +83,9 @@ def test_a_robot_that_walks_by_commands_says_so_when_asked_for_a_planned_walk(
 def test_a_robot_without_any_walk_says_so(tmp_path):
     own = walker_by_commands(tmp_path)
     (own / GAITS_FILE).write_text("facing_deg: 90\n")
+
     station = load_station("zjudancer_dynamic", {"robot.model": str(own / "robot.yaml")})
+
     with pytest.raises(
         InvalidParameter, match=r"its file of gaits has no gait with steps; .*gaits\.yaml"
     ):

@@ -23,7 +23,9 @@ ALL = [
 def test_the_height_at_which_a_robot_stands_is_that_of_its_station(robot):
     config = load_station(f"{robot}_dynamic")
     entry = config.robots["robot"]
+
     angles = resolve(config).robots["robot"].initial
+
     assert standing_height(skeleton_of(robot), angles, entry.feet) == pytest.approx(
         entry.base[2], abs=1e-5
     )
@@ -34,9 +36,11 @@ def test_left_and_right_change_places_and_turns_their_sense():
     values = model.axis_vector(
         {"left_knee": 10, "right_hip_yaw": 5, "torso_yaw": 3, "right_hip_roll": 2}, "values"
     )
+
     wanted = model.axis_vector(
         {"right_knee": 10, "left_hip_yaw": -5, "torso_yaw": -3, "left_hip_roll": 2}, "values"
     )
+
     np.testing.assert_array_equal(exchange_sides(model, values), wanted)
 
 
@@ -44,6 +48,7 @@ def test_left_and_right_change_places_and_turns_their_sense():
 def test_sequences_stay_within_the_joints_limits(robot, name):
     lower, upper = load_robot(robot).axis_limits
     positions = posing(robot, name).positions
+
     assert (positions >= lower - 1e-9).all()
     assert (positions <= upper + 1e-9).all()
 
@@ -54,7 +59,9 @@ def test_a_sequence_is_where_it_shall_be_when_it_shall_be():
         round(time, 2): np.rad2deg(row)
         for time, row in zip(motion.times, motion.positions, strict=True)
     }
+
     index = load_robot("humanoid").axis_index
+
     assert at[0.5][index("CadIF")] == pytest.approx(30)  # straight lines, as in the thesis
     assert at[1.0][index("RodI")] == pytest.approx(60)
     assert at[2.0][index("TobD")] == pytest.approx(-30)
@@ -64,7 +71,9 @@ def test_a_sequence_is_where_it_shall_be_when_it_shall_be():
 def test_the_soles_of_the_march_stay_flat():
     motion = march("humanoid", 4)
     skeleton = skeleton_of("humanoid")
+
     frames = skeleton.frames(motion.positions, motion.root)
+
     for foot in feet_of(skeleton, 0.0):
         tilt = np.arccos(np.clip(skeleton.link_poses(foot.link, frames)[:, 2, 2], -1, 1))
         assert np.rad2deg(tilt).max() < 1.01

@@ -41,20 +41,25 @@ def test_frames_mass_and_inertia_are_those_of_drake(name):
     angles = rng.uniform(-1, 1, len(skeleton.model.axes))
     root = RigidTransform(RollPitchYaw(*rng.uniform(-1, 1, 3)), rng.uniform(-1, 1, 3))
     context = posed(plant, name, root, angles)
+
     frames = skeleton.frames(angles[np.newaxis], root.GetAsMatrix4())
     for link in skeleton.links:
         pose = plant.GetFrameByName(link).CalcPoseInWorld(context).GetAsMatrix4()
         np.testing.assert_allclose(skeleton.link_poses(link, frames)[0], pose, atol=1e-12)
+
     com = plant.CalcCenterOfMassPositionInWorld(context)
     assert skeleton.mass == pytest.approx(plant.CalcTotalMass(context), rel=1e-12)
+
     points = skeleton.mass_points(frames)[0]
     np.testing.assert_allclose(
         np.average(points, axis=0, weights=skeleton.point_masses), com, atol=1e-12
     )
+
     second = np.einsum("k,kx,ky->xy", skeleton.point_masses, points, points)
     inertia = np.trace(second) * np.eye(3) - second
     bodies = [body.index() for body in (plant.get_body(i) for i in plant.GetBodyIndices(plant.GetModelInstanceByName(
         plant.GetModelInstanceName(plant.GetFrameByName(skeleton.model.root).model_instance()))))]  # fmt: skip
+
     exact = (
         plant.CalcSpatialInertia(context, plant.world_frame(), bodies)
         .CalcRotationalInertia()
@@ -68,7 +73,9 @@ def test_the_zero_moment_point_is_that_of_inverse_dynamics():
     name, motion = "zjudancer", walk("zjudancer", 4)
     skeleton, plant = skeleton_of(name), drake_plant(name)
     ours = whole_body_zmp(skeleton, motion.root, motion.positions, SAMPLE)
+
     body = plant.GetFrameByName(skeleton.model.root).body()
+
     for row in range(60, len(motion.times) - 60, 37):
         states = []
         for sample in (row - 1, row, row + 1):

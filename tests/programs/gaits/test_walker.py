@@ -48,10 +48,12 @@ def way(motion: JointMotion) -> float:
 
 def test_a_copy_of_a_robot_walks_with_its_own_legs_and_figures(copy: Path) -> None:
     theirs, own = walk(load_robot_file(copy), 6), walk("zjudancer", 6)
+
     assert way(theirs) == pytest.approx(
         way(own)
         * (1 + LONGER / Walker.of("zjudancer").gaits.section("walks")["walk"]["step_length"])
     )
+
     knee = Walker.of("zjudancer").model.axis_index("left_knee")
     bend = theirs.positions[0, knee] - own.positions[0, knee]
     assert bend > np.deg2rad(2)  # a longer leg under a trunk as high as before

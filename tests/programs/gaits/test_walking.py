@@ -43,6 +43,7 @@ def planned_way(motion):
 def test_a_walk_goes_about_as_far_as_planned_and_straight(plan, tilt):
     motion = plan()
     result, found = walked(motion)
+
     assert result.ending == "completed"
     assert found.upright
     assert np.rad2deg(found.tilt) < tilt
@@ -62,9 +63,12 @@ def test_the_humanoid_falls_on_its_real_sole_if_it_does_not_lean():
 def test_the_march_of_the_thesis_walks_with_its_gains():
     motion = march("humanoid", 4)
     config = motion.station()
+
     assert config.inputs == ()  # no reference velocity: the gains of the thesis as they are
+
     servo = config.servo_of("robot")
     assert (servo.kp, servo.kd) == (100, 100)
+
     _, found = walked(motion)
     assert found.upright
     assert 0.12 < found.ahead < 0.25
@@ -75,7 +79,9 @@ def test_the_march_of_the_thesis_walks_with_its_gains():
 def test_a_turning_walk_turns_the_robot():
     motion = walk("zjudancer", 6, "turn")
     planned = np.rad2deg(np.arctan2(motion.root[-1, 1, 0], motion.root[-1, 0, 0]))
+
     _, found = walked(motion)
+
     assert found.upright
     assert planned == pytest.approx(30)
     assert np.rad2deg(found.yaw) == pytest.approx(planned, rel=0.15)
@@ -92,11 +98,13 @@ def test_a_foot_stays_up_for_as_long_as_asked():
     context = plant.CreateDefaultContext()
     times = np.arange(0.0, motion.duration, 0.05)
     heights = []
+
     for row in result.positions_at(times):
         plant.SetPositions(context, row)
         heights.append(
             (plant.GetFrameByName(foot.link).CalcPoseInWorld(context) @ foot.point)[2] - foot.over
         )
+
     assert found.upright
     assert (np.array(heights) > 0.02).sum() * 0.05 >= 2.0
 
@@ -115,7 +123,9 @@ def test_the_humanoid_keeps_its_balance_in_postures(name):
 )
 def test_so_many_steps_are_so_many_step_lengths(plan, steps):
     motion, length = plan(steps), {"humanoid": 0.10, "yobotics": 0.15}[plan.args[0]]
+
     assert planned_way(motion) == pytest.approx(steps * length, abs=1e-3)
+
     _, found = walked(motion)
     assert found.upright
     assert found.ahead == pytest.approx(steps * length, rel=0.15)
@@ -123,8 +133,10 @@ def test_so_many_steps_are_so_many_step_lengths(plan, steps):
 
 def test_hands_meet_the_floor_in_a_fall_and_hold_trunk_and_head_over_it():
     result, found = walked(posing("humanoid", "fall_forward"))
+
     assert result.ending == "completed"
     assert found.tilt > np.deg2rad(70)
+
     plant, inspector = result.plant.plant, result.plant.scene_graph.model_inspector()
     touching = [
         {
@@ -134,9 +146,11 @@ def test_hands_meet_the_floor_in_a_fall_and_hold_trunk_and_head_over_it():
         }
         for contacts in result.contacts_at(result.times)
     ]
+
     assert set().union(*touching) == {"world", "left_foot", "right_foot", "left_hand", "right_hand"}
     assert not {"left_hand", "right_hand"} & touching[100]  # while it tips
     assert {"left_hand", "right_hand"} < touching[-1]
+
     hands = [
         Contacts.of(contacts).forces[:, 2] for contacts in result.contacts_at(result.times[-1:])
     ]
@@ -148,7 +162,9 @@ def test_what_the_station_of_a_motion_is_told_stays():
     motion = walk("roid1", 6)
     config = motion.station()
     entry = LeggedRobot("roid1_dynamic")
+
     adapted = motion.adapt_station(entry.cell.config, "robot")
+
     assert (adapted.floor, adapted.inputs, adapted.solver) == (
         config.floor,
         config.inputs,
@@ -156,8 +172,10 @@ def test_what_the_station_of_a_motion_is_told_stays():
     )
     assert adapted.servo_of("robot") == config.servo_of("robot")
     assert (config.solver.max_step, config.engine.has_fixed_steps) == (MAX_STEP, True)
+
     given = {"servo": {"kp": 7.0}, "inputs": [], "floor.size": 1.5, "solver.max_step": 0.015}
     told = motion.station(given)
+
     assert (told.servo_of("robot").kp, told.inputs, told.floor.size) == (7.0, (), 1.5)
     assert told.servo_of("robot").kd == config.servo_of("robot").kd
     assert told.solver.max_step == 0.015
@@ -170,9 +188,12 @@ def test_what_the_station_of_a_motion_is_told_stays():
 def test_a_walk_at_its_own_steps_goes_as_far_as_at_finer_ones_and_its_station_says_them(tmp_path):
     motion = trot("yobotics", 16)
     result, found = walked(motion)
+
     assert len(result.step_times) - 1 == pytest.approx(motion.duration / MAX_STEP, abs=1)
+
     _, fine = walked(motion, {"solver.max_step": 0.0025})
     assert found.ahead == pytest.approx(fine.ahead, rel=0.02)
+
     file = result.save(tmp_path / "trot", recording=False) / "station.yaml"
     assert load_station(file).solver == result.config.solver
 

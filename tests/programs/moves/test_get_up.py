@@ -23,6 +23,7 @@ LYING = {"zjudancer": [0.0, 0.0, 0.06, 0.0, 0.0, -1.5], "roid1": [0.0, 0.0, 0.1,
 def test_a_humanoid_gets_up_by_contact_alone(name):
     robot = LeggedRobot(load_station(f"{name}_dynamic", {"robot.base": LYING[name]}))
     result = robot.get_up()
+
     assert result.ending == "completed"
     assert f"{name} stands: it got up at attempt 1" in result.message
     up = 1 - 2 * (result["base.qx"] ** 2 + result["base.qy"] ** 2)
@@ -30,6 +31,7 @@ def test_a_humanoid_gets_up_by_contact_alone(name):
     assert up[0] < 0.1
     assert up[stood].min() > np.cos(np.deg2rad(5))
     assert result["base.z"][stood].min() > load_getting_up(load_robot(name)).height
+
     again = robot.get_up()
     assert "it has not fallen" in again.message
     assert again.times[-1] == 0
@@ -50,10 +52,14 @@ def test_zjudancer_gets_off_its_belly_on_its_motors_whether_hands_and_feet_slide
 def test_a_walk_that_fell_gets_up_and_goes_on():
     push = {"kind": "push", "start": 0.6, "force": [50.0, 0.0, 0.0]}
     changes = {**read_yaml("examples/loops/get_up.yaml"), "forces.push": push, "duration": 15.0}
+
     result = simulate(load_station("roid1_walking", changes), progress=False)
+
     assert result.ending == "completed"
+
     rises = result["get_up.active"] > 0
     stands = int(np.flatnonzero(rises)[-1]) + 1
+
     assert result["curl.active"][rises].any()
     assert not result["curl.active"][stands:].any()
     way = np.hypot(*(result[f"base.{axis}"][-1] - result[f"base.{axis}"][stands] for axis in "xy"))
@@ -101,6 +107,7 @@ class Life:
 
 def test_it_waits_until_it_lies_still_and_goes_by_the_trunk():
     life = Life(rising())
+
     assert life.sample(90.0, 0.1, 1.0)["active"][0] == 1
     assert all(life.sample(90.0, 0.1, 1.0)["attempt"][0] == 0 for _ in range(100))
     assert life.until(lambda memory: memory["attempt"][0] == 1, 90.0, 0.1) == pytest.approx(
@@ -120,10 +127,13 @@ def test_it_waits_until_it_lies_still_and_goes_by_the_trunk():
 def test_it_begins_anew_where_the_trunk_is_not_as_it_should_be_and_gives_up(lean, after):
     life = Life(rising())
     life.until(lambda memory: memory["attempt"][0] == 1, lean, 0.1)
+
     assert life.sample(lean, 0.1)["sequence"][0] == (lean < 0)
+
     if lean == 90.0:
         life.until(lambda memory: memory["target"][0] == 0.9, lean, 0.1)
     life.until(lambda memory: memory["attempt"][0] == 2, *after)
+
     assert life.sample(*after)["sequence"][0] == (after[0] < 0)
     assert (life.sample(*after)["target"][0] > 0.5) == (lean == 90.0)
     with pytest.raises(RunEnds, match="nobody did not get up in 2 attempts"):
@@ -139,7 +149,9 @@ def test_a_robot_that_does_not_stay_up_in_its_last_attempt_ends_the_run():
 
 def test_beside_others_it_lets_go_once_it_has_stood_for_a_second():
     life = Life(rising(ends=False))
+
     assert life.sample(0.0, 0.45)["active"][0] == 0
+
     life.until(lambda memory: memory["target"][0] == 0.9, 90.0, 0.1)
     assert life.until(lambda memory: memory["active"][0] == 0, 0.0, 0.45) == pytest.approx(
         1.0, abs=0.05

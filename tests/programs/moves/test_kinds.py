@@ -76,6 +76,7 @@ def test_each_kind_says_what_it_is(kind):
 @pytest.mark.parametrize("entry", ENTRIES, ids=str)
 def test_an_entry_of_a_file_comes_back_as_it_was(entry):
     program = Program.model_validate({"moves": [entry]})
+
     assert program.moves[0].entry() == entry
     assert Program.of_text(program.text()) == program
     assert check_move(entry) == program.moves[0]
@@ -109,10 +110,12 @@ def test_a_kind_from_outside_runs_as_those_of_the_package_do():
 def test_one_verb_for_arms_and_legs():
     arm, again = Arm("irb120_kinematic"), Arm("irb120_kinematic")
     done = arm.do({"move_abs_j": [0.1, 0, 0, 0, 0, 0]})
+
     np.testing.assert_array_equal(done.values, again.move_abs_j([0.1, 0, 0, 0, 0, 0]).values)
     assert arm.do({"tool": "tool0"}) is None
     with pytest.raises(InvalidParameter, match=r"walk.*a move for arms, not for robots with legs"):
         arm.do({"walk": {"steps": 2}})
+
     legs = LeggedRobot("humanoid_fixed")
     assert legs.do({"wait": 0.1}, store=True).stop_time == pytest.approx(0.1)
     assert legs.program.moves[0].entry() == {"wait": 0.1}
@@ -125,9 +128,11 @@ def test_one_verb_for_arms_and_legs():
 def test_what_a_move_leaves_is_known_before_it_is_done():
     robot = LeggedRobot(Workcell("humanoid_box"))
     outlook = Outlook(robot.cell.config)
+
     check_move({"attach": {"piece": "parcel", "pose": [0, 0, -0.05, 0, 0, 0]}}).stage(
         robot, outlook, "the move"
     )
+
     assert outlook.changed
     assert outlook.station.pieces["parcel"].parent == "robot"
     assert robot.cell.config.pieces["parcel"].parent != "robot"  # nothing was done
