@@ -24,6 +24,8 @@ LONG = {
 }
 """Examples that walk far, or with a test of their own below, which runs them without pictures."""
 EXAMPLES = sorted((Path(__file__).parent.parent / "examples").glob("*.py"))
+RUN_BY_OWN_TEST = {"tray"}
+"""Examples that take minutes, and whose own test runs them as users do. They are not run twice."""
 NOTEBOOKS = sorted((Path(__file__).parent.parent / "examples").glob("*.ipynb"))
 
 
@@ -39,6 +41,7 @@ def loaded(file):
     [
         pytest.param(file, id=file.stem, marks=[pytest.mark.long] if file.stem in LONG else [])
         for file in EXAMPLES
+        if file.stem not in RUN_BY_OWN_TEST
     ],
 )
 def test_an_example_runs(file, tmp_path, monkeypatch, capsys):
@@ -340,7 +343,14 @@ def test_an_arm_takes_parts_from_where_a_seed_put_them():
 
 
 @pytest.mark.long
-def test_a_tray_of_ten_parts_is_emptied():
-    tray = example("tray")
-    cell = tray.run(seed=7)
-    assert max(tray.off_place(cell, number) for number in range(tray.PARTS)) < 5e-3  # m
+def test_a_tray_of_ten_parts_is_emptied(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["tray.py", "7"])
+
+    example("tray").main()
+
+    printed = capsys.readouterr().out.splitlines()[0].partition(":")[2]
+    distances = [float(text) for text in printed.split(",")]  # mm
+    assert len(distances) == 10
+    assert max(distances) < 5
+    assert {path.name for path in tmp_path.iterdir()} == {"runs"}
