@@ -51,7 +51,7 @@ def legged(
         simrob legged robot.urdf --out robots/robot --tune 20
     """
     from simrob_drake.extensions.legged.making import WALK, make_legged  # loads what runs stations
-    from simrob_drake.extensions.legged.report import REPORT
+    from simrob_drake.extensions.legged.report import REPORT, trial_name
 
     if tune:
         # The extension is looked for first, so that nothing is made in vain if it is missing.
@@ -64,7 +64,9 @@ def legged(
     for line in (*made.found, *made.assumed):
         say_text(line)
     for attempt in made.attempts:
-        say_text(compound("{trial}: {outcome}", trial=attempt.trial, outcome=attempt.outcome))
+        say_text(
+            compound("{trial}: {outcome}", trial=trial_name(attempt.trial), outcome=attempt.outcome)
+        )
     for line in made.too_fast:
         say_warning(line)
     say_place(message("legged.report", "report"), folder / REPORT)

@@ -405,38 +405,93 @@ def _described(anatomy: Anatomy) -> Iterator[str]:
     """Yield what was seen of the limbs, in words."""
     for limb in anatomy.legs:
         axes = [f"{anatomy.names[axis]} ({anatomy.robot.axes[axis]})" for axis in limb.leg.axes]
-        yield f"{limb.name} leg to {limb.leg.foot.name()}: {', '.join(axes)}"
-    yield f"it looks {round(float(np.rad2deg(anatomy.facing)), 1):g} deg from the x axis of {anatomy.robot.model.root}"
+        yield message(
+            "legged.leg",
+            "leg {name} to {foot}: {axes}",
+            name=limb.name,
+            foot=limb.leg.foot.name(),
+            axes=", ".join(axes),
+        )
+    yield message(
+        "legged.facing",
+        "its front is at {angle:g} deg from the x axis of {root}",
+        angle=round(float(np.rad2deg(anatomy.facing)), 1),
+        root=anatomy.robot.model.root,
+    )
     for arm in anatomy.arms:
-        yield f"arm: {', '.join(anatomy.names[axis] for axis in arm)}"
+        yield message("legged.arm", "arm: {axes}", axes=_axis_names(anatomy, arm))
     if anatomy.head:
-        yield f"head and trunk: {', '.join(anatomy.names[axis] for axis in anatomy.head)}"
+        yield message(
+            "legged.head", "head and trunk: {axes}", axes=_axis_names(anatomy, anatomy.head)
+        )
+
+
+def _axis_names(anatomy: Anatomy, axes: Iterable[int]) -> str:
+    """List the names that the robot's axes get, by their indices."""
+    return ", ".join(anatomy.names[axis] for axis in axes)
 
 
 def _mass_text(build: Build) -> str:
     """Mass of the robot and the height of its centre of mass, in words."""
-    return f"mass: {build.mass:.3g} kg, its centre of mass {build.height:.3f} m over the ground as it stands"
+    return message(
+        "legged.mass",
+        "mass: {mass:.3g} kg; as it stands, its centre of mass is {height:.3f} m above the ground",
+        mass=build.mass,
+        height=build.height,
+    )
 
 
 def _soles_text(way: _Standing) -> str:
     sole, build = way.soles[0], way.build
-    kind = (
-        f"soles of {build.sole[0]:.3f} x {build.sole[1]:.3f} m between spheres"
-        if sole.flat
-        else "balls"
+    radius = sole.radius * 1e3
+    if not sole.flat:
+        return message(
+            "legged.ball_feet",
+            "feet: balls of radius {radius:.1f} mm, {spread:.3f} m apart",
+            radius=radius,
+            spread=build.spread,
+        )
+    return message(
+        "legged.sole_feet",
+        "feet: soles of {length:.3f} x {width:.3f} m with spheres of radius {radius:.1f} mm at the corners, "
+        "{spread:.3f} m apart",
+        length=build.sole[0],
+        width=build.sole[1],
+        radius=radius,
+        spread=build.spread,
     )
-    return f"feet: {kind} of radius {sole.radius * 1e3:.1f} mm, {build.spread:.3f} m apart"
 
 
 def _assumed(choice: _Choice) -> Iterator[str]:
     """Yield what was made up, in words."""
     (stance, _, build), example, stiffer, part, quick, slower = choice
-    yield f"posture: {stance.how}"
-    yield f"walk: that of {example.name}, scaled by {build.height / example.build.height:.2f} in length"
-    yield f"servos: {stiffer * example.stiffness:.3g} times m g h a radian on all axes, damped over {LAG:g} sqrt(h / g)"
+    yield message("legged.posture", "posture: {how}", how=stance.how)
+    yield message(
+        "legged.walk_of",
+        "walk: that of {example}, its lengths multiplied by {scale:.2f}",
+        example=example.name,
+        scale=build.height / example.build.height,
+    )
+    yield message(
+        "legged.servos",
+        "servos: stiffness {stiffness:.3g} m g h per radian on all axes, damping over {lag:g} sqrt(h / g)",
+        stiffness=stiffer * example.stiffness,
+        lag=LAG,
+    )
     if quick:
-        yield "steps: as quick and as low as those of the smaller robot, since it fell with longer ones"
+        yield message(
+            "legged.quick_steps",
+            "steps: as quick and as low as those of the smaller robot, since it fell with longer ones",
+        )
     if slower > 1:
-        yield f"step time: {slower:g} times as long as scaled; with shorter steps joints were faster than their motors"
+        yield message(
+            "legged.step_time",
+            "step time: {slower:g} times as long as scaled; with shorter steps joints were faster than their motors",
+            slower=slower,
+        )
     if part < 1:
-        yield f"speed: {part:g} of what such a robot would be asked for; it fell faster"
+        yield message(
+            "legged.walk_speed",
+            "speed: {part:.0%} of that of the scaled walk; at higher speeds the robot fell",
+            part=part,
+        )

@@ -9,7 +9,7 @@ import numpy as np
 
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.base.interpolation import stack_poses
-from simrob_drake.base.messages import Message, message
+from simrob_drake.base.messages import Message, compound, message, translate
 from simrob_drake.extensions.legged.soles import EDGED
 from simrob_drake.programs.gaits.walker import Walker, facing_rotation
 from simrob_drake.programs.legged_robot import LeggedRobot
@@ -31,6 +31,21 @@ _FLAT = 1e-4  # m: the lift of a foot that only gives its weight away
 _LEANS = 10.0  # deg
 _PART = 0.5  # of the way asked for that a walk is to come at least
 TRIALS = "stands", "shifts its weight", "steps", "walks"
+KICKS, CLIMBS = "kicks", "climbs"
+_TRIAL_NAMES = {
+    "stands": message("legged.trial_stands", "stands"),
+    "shifts its weight": message("legged.trial_shifts", "shifts its weight"),
+    "steps": message("legged.trial_steps", "steps"),
+    "walks": message("legged.trial_walks", "walks"),
+    KICKS: message("legged.trial_kicks", "kicks"),
+    CLIMBS: message("legged.trial_climbs", "climbs"),
+}
+"""Names of the trials as users read them."""
+
+
+def trial_name(trial: str) -> str:
+    """Name of a trial as users read it, a message."""
+    return _TRIAL_NAMES[trial]
 
 
 class FastestAxis(NamedTuple):
@@ -86,26 +101,48 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
     except Exception as problem:  # one trial that fails, in whatever way, does not end the others
         return Attempt(trial, False, reason_of(problem))
     if result.ending == "diverged":
-        return Attempt(trial, False, f"diverged at {result.stop_time:.1f} s", result=result)
+        return Attempt(trial, False, _diverged(result), result=result)
     found = locomotion(result)
     fastest = fastest_axis(result)
-    lean, far = (
-        np.rad2deg(found.tilt),
-        f"{found.ahead:.2f} m ahead and {abs(found.drift):.2f} m aside",
+    lean = np.rad2deg(found.tilt)
+    far = message(
+        "legged.far",
+        "{ahead:.2f} m ahead and {aside:.2f} m aside",
+        ahead=found.ahead,
+        aside=abs(found.drift),
     )
     if result.ending != "completed":
-        return Attempt(
-            trial, False, f"fell at {result.stop_time:.1f} s ({far})", found.ahead, result
+        outcome = message(
+            "legged.fell_after", "falls at {time:.1f} s ({far})", time=result.stop_time, far=far
         )
-    if trial == TRIALS[3] and found.ahead < _PART * speed * _SECONDS:
-        outcome = f"stays on its feet but comes only {far}, of {speed * _SECONDS:.2f} m"
         return Attempt(trial, False, outcome, found.ahead, result)
-    outcome = f"{_SECONDS:g} s, {far}, leans by {lean:.0f} deg at most"
-    outcome += f"; its busiest joint takes {found.peak_torque['ratio']:.0%} of its torque"
-    outcome += f", {fastest.name} {fastest.share:.0%} of its speed"
+    if trial == TRIALS[3] and found.ahead < _PART * speed * _SECONDS:
+        outcome = message(
+            "legged.too_short_walk",
+            "does not fall, but moves only {far}, of {asked:.2f} m ahead",
+            far=far,
+            asked=speed * _SECONDS,
+        )
+        return Attempt(trial, False, outcome, found.ahead, result)
+    outcome = message(
+        "legged.trial_passed",
+        "{seconds:g} s, {far}, leans by {lean:.0f} deg at most; its most loaded joint requires {torque:.0%} of its "
+        "torque, {axis} {share:.0%} of its speed",
+        seconds=_SECONDS,
+        far=far,
+        lean=lean,
+        torque=found.peak_torque["ratio"],
+        axis=fastest.name,
+        share=fastest.share,
+    )
     return Attempt(
         trial, trial != TRIALS[0] or bool(lean < _LEANS), outcome, found.ahead, result, fastest
     )
+
+
+def _diverged(result: SimulationResult) -> str:
+    """Outcome of a trial whose simulation diverged."""
+    return message("legged.diverged", "diverged at {time:.1f} s", time=result.stop_time)
 
 
 def fastest_axis(result: SimulationResult) -> FastestAxis:
@@ -116,7 +153,6 @@ def fastest_axis(result: SimulationResult) -> FastestAxis:
     return FastestAxis(robot.axes[index], float(shares[index]))
 
 
-KICKS, CLIMBS = "kicks", "climbs"
 _RISE = {2: 0.05, 4: 0.1}  # of the step, by the number of legs, in heights of the centre of mass
 _TREAD, _BEFORE, _BEHIND = (
     0.5,
@@ -128,7 +164,9 @@ _LONGER = 1.2  # times a sole, that the step is long at least
 
 def attempt_kick(station: Path) -> Attempt:
     """Return what becomes of a robot that stands in a station, and kicks through the air."""
-    return _attempt_move(KICKS, station, KickMove(), {}, "stands on both feet again")
+    return _attempt_move(
+        KICKS, station, KickMove(), {}, message("legged.kicked", "stands on both feet again")
+    )
 
 
 def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
@@ -161,7 +199,7 @@ def attempt_climb(station: Path, height: float, facing_deg: float) -> Attempt:
         station,
         ClimbMove(distance=way),
         ground,
-        f"comes over a step of {1e3 * rise:.0f} mm",
+        message("legged.climbed", "climbs a step of {rise:.0f} mm", rise=1e3 * rise),
     )
 
 
@@ -187,11 +225,18 @@ def _attempt_move(
     except Exception as problem:  # as above
         return Attempt(trial, False, reason_of(problem))
     if result.ending != "completed":
-        return Attempt(trial, False, f"fell at {result.stop_time:.1f} s", result=result)
+        outcome = message("legged.fell", "falls at {time:.1f} s", time=result.stop_time)
+        return Attempt(trial, False, outcome, result=result)
     lean = np.rad2deg(locomotion(result).tilt)
     fastest = fastest_axis(result)
-    speed = f"{fastest.name} turns at {fastest.share:.0%} of its speed"
-    outcome = f"{did}, and then leans by {lean:.0f} deg at most; {speed}"
+    outcome = message(
+        "legged.move_passed",
+        "{did}, and leans by {lean:.0f} deg at most; {axis} turns at {share:.0%} of its speed",
+        did=did,
+        lean=lean,
+        axis=fastest.name,
+        share=fastest.share,
+    )
     return Attempt(trial, True, outcome, result=result, fastest=fastest)
 
 
@@ -213,12 +258,16 @@ _SLOWER_ACTS = {
 """What to change where a motor is too slow, by the trial; for all others it is `_SLOWER_WALK`."""
 REPORT, PICTURE = "legged.md", "legged.png"
 _TUNE = {
-    "stands": "`servo.kp`, `servo.kd` and `home_deg` in robot.yaml",
-    "shifts its weight": "`zmp_inward` and `step_time` in gaits.yaml",
-    "steps": "`lift`, `widen` and `double_support` in gaits.yaml",
-    KICKS: "`speed` and `zmp_inward` of the kick in gaits.yaml",
-    CLIMBS: "`bearing.height`, `lift` and `overhang` of the climb in gaits.yaml",
-    "walks": "`step_time`, `bearing.height` and `zmp_inward` in gaits.yaml",
+    "stands": message("legged.tune_stand", "`servo.kp`, `servo.kd` and `home_deg` in robot.yaml"),
+    "shifts its weight": message("legged.tune_shift", "`zmp_inward` and `step_time` in gaits.yaml"),
+    "steps": message("legged.tune_steps", "`lift`, `widen` and `double_support` in gaits.yaml"),
+    KICKS: message("legged.tune_kick", "`speed` and `zmp_inward` of the kick in gaits.yaml"),
+    CLIMBS: message(
+        "legged.tune_climb", "`bearing.height`, `lift` and `overhang` of the climb in gaits.yaml"
+    ),
+    "walks": message(
+        "legged.tune_walk", "`step_time`, `bearing.height` and `zmp_inward` in gaits.yaml"
+    ),
 }
 """What to change first where a trial fails."""
 
@@ -245,7 +294,7 @@ class Made:
                 message(
                     "legged.too_fast",
                     "{trial}: {axis} turns at {share:.0%} of the speed of its motor; {remedy}",
-                    trial=one.trial,
+                    trial=trial_name(one.trial),
                     axis=one.fastest.name,
                     share=one.fastest.share,
                     remedy=_SLOWER_ACTS.get(one.trial, _SLOWER_WALK),
@@ -287,31 +336,58 @@ def save_report(made: Made, folder: Path) -> None:
         try:
             save_film_strip(runs[-1], folder / PICTURE)
         except RuntimeError as problem:  # of a renderer, about a mesh
-            made.found.append(f"no picture: {problem}")
-    (folder / REPORT).write_text(
-        "\n".join(_lines(made, (folder / PICTURE).is_file())) + "\n", encoding="utf-8"
-    )
+            made.found.append(
+                message("legged.no_picture", "no picture: {problem}", problem=str(problem))
+            )
+    lines = _lines(made, (folder / PICTURE).is_file())
+    # The report is in the language of the output, as what the command prints.
+    text = "\n".join(translate(line) for line in lines)
+    (folder / REPORT).write_text(text + "\n", encoding="utf-8")
 
 
-def _lines(made: Made, picture: bool) -> Iterator[str]:
-    yield from (
-        f"# {made.name}",
-        "",
-        "## Found",
-        "",
-        *(f"- {line}" for line in made.found or ["nothing"]),
-        "",
-    )
-    yield from ("## Assumed", "", *(f"- {line}" for line in made.assumed or ["nothing"]), "")
-    yield from ("## Tried", "", "| trial | done | what happened |", "|---|---|---|")
-    yield from (
-        f"| {one.trial} | {'yes' if one.done else 'no'} | {one.outcome} |" for one in made.attempts
-    )
-    failed = next((one.trial for one in made.attempts if not one.done), None)
-    yield from ("", "## Next", "")
-    yield f"- {made.problem}" if made.problem else "- nothing failed"
-    yield from (f"- {line}" for line in made.too_fast)
+def _lines(made: Made, has_picture: bool) -> Iterator[str]:
+    """Yield the lines of the report, as messages.
+
+    Args:
+        made: what was made, and what became of the trials.
+        has_picture: whether a picture stands beside the report.
+    """
+    nothing = message("legged.nothing", "nothing")
+    yield f"# {made.name}"
+    for heading, items in (
+        (message("legged.heading_found", "## Found"), made.found),
+        (message("legged.heading_assumed", "## Assumed"), made.assumed),
+    ):
+        yield ""
+        yield heading
+        yield ""
+        for item in items or [nothing]:
+            yield compound("- {item}", item=item)
+    yield ""
+    yield message("legged.heading_tried", "## Tried")
+    yield ""
+    yield message("legged.columns", "| trial | passed | what happened |")
+    yield "|---|---|---|"
+    yes, no = message("legged.yes", "yes"), message("legged.no", "no")
+    for one in made.attempts:
+        yield compound(
+            "| {trial} | {passed} | {outcome} |",
+            trial=trial_name(one.trial),
+            passed=yes if one.done else no,
+            outcome=one.outcome,
+        )
+    yield ""
+    yield message("legged.heading_next", "## Next")
+    yield ""
+    nothing_failed = message("legged.nothing_failed", "nothing failed")
+    yield compound("- {problem}", problem=made.problem or nothing_failed)
+    for line in made.too_fast:
+        yield compound("- {line}", line=line)
     if made.attempts:
-        yield f"- to be tuned first: {_TUNE[failed or 'walks']}"
-    if picture:
-        yield from ("", f"![the farthest trial]({PICTURE})")
+        failed = next((one.trial for one in made.attempts if not one.done), "walks")
+        yield message("legged.tune_first", "- tune first: {keys}", keys=_TUNE[failed])
+    if has_picture:
+        yield ""
+        yield message(
+            "legged.picture_line", "![the last trial of standing and walking]({file})", file=PICTURE
+        )

@@ -11,6 +11,7 @@ import yaml
 from simrob_drake.base.constants import STANDARD_GRAVITY
 from simrob_drake.base.files import ROBOT_FILE
 from simrob_drake.base.folders import written_at_once
+from simrob_drake.base.messages import message
 from simrob_drake.base.yaml_files import read_yaml
 from simrob_drake.extensions.legged.making import WALK
 from simrob_drake.extensions.legged.report import TRIALS, attempt
@@ -63,7 +64,13 @@ def tune_walk(folder: Path, minutes: float) -> Iterator[str]:
         float(place.trials[0][1][0]),
         len(place.trials),
     )
-    yield f"tuned: {many} trials, cost {before:.4g} before and {float(cost):.4g} with the best"
+    yield message(
+        "legged.tuned",
+        "tuned: {count} {count:trial|trials}, cost {before:.4g} before and {after:.4g} with the best",
+        count=many,
+        before=before,
+        after=float(cost),
+    )
     for key, value in found.items():
         *sections, last = key.removeprefix(f"{_LOOP}.").split(".")
         section = gaits[REACTING]

@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.messages import message, set_output_language
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.extensions.legged import making, report
@@ -270,7 +271,7 @@ def test_masses_that_are_made_up_are_told_link_by_link(tmp_path):
     )
     assert "from its shapes" in said["link 'trunk'"]
     assert "no collision shape" in made.problem
-    assert "to be tuned first" not in (tmp_path / "made" / "legged.md").read_text()
+    assert "tune first" not in (tmp_path / "made" / "legged.md").read_text()
 
 
 def lowered(tree, height):
@@ -329,6 +330,25 @@ def test_an_unexpected_error_between_trials_keeps_what_was_made(tmp_path, monkey
     made = make_legged(dog().write(tmp_path), tmp_path / "out")
     assert made.problem == "unexpected error: IndexError: nothing under the feet"
     assert load_station(tmp_path / "out" / STAND).mode == "dynamic"
+
+
+def test_a_report_is_in_the_language_of_the_output(tmp_path):
+    outcome = message("legged.fell", "falls at {time:.1f} s", time=1.5)
+    mass = message("legged.arm", "arm: {axes}", axes="left_elbow")
+    made = report.Made(
+        tmp_path, name="dog", found=[mass], attempts=[Attempt("walks", False, outcome)]
+    )
+
+    set_output_language("es")
+    try:
+        report.save_report(made, tmp_path)
+    finally:
+        set_output_language("en")
+
+    lines = (tmp_path / report.REPORT).read_text(encoding="utf-8").splitlines()
+    assert {"## Encontrado", "- brazo: left_elbow", "## Supuesto", "- nada"} <= set(lines)
+    assert "| marcha | no | se cae a los 1,5 s |" in lines
+    assert "- ajuste primero: `step_time`, `bearing.height` y `zmp_inward` en gaits.yaml" in lines
 
 
 @pytest.mark.long
