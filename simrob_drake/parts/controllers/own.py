@@ -49,7 +49,8 @@ def declare_output(
 ) -> None:
     """Declare an output of a controller, ``<controller>.<output>``, with its result columns and its plot.
 
-    An output with one value for each axis of a robot gets columns named after the axes; otherwise they are numbered.
+    An output with as many values as a robot has axes gets columns named after the axes. Otherwise they are numbered
+    from 0, or a single value has the output's name.
 
     Args:
         site: the station under construction.
@@ -57,7 +58,7 @@ def declare_output(
         port: port of the output.
         unit: unit of all values, or the unit of each value, separated by commas, such as "m/s, rad/s".
         robot: robot that the controller drives. If it is None, all robots are considered.
-        axes: axes whose values become columns. If it is None, all do.
+        axes: axes whose values become columns. If it is None, or if the values are not those of axes, all do.
         called: name of the output. If it is empty, the port's name is used.
         components: names of the values in plots, if there are any.
     """
@@ -78,7 +79,7 @@ def declare_output(
     columns = (
         (output,) if size == 1 else tuple(f"{output}.{value_names[index]}" for index in indices)
     )
-    # One unit for all values, or one for each of them.
+    # One unit for all columns, or one for each of them.
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(columns)
 
     heading = message("parts.the_block", "the block '{name}'", name=name)
@@ -112,7 +113,7 @@ def add_to(
         site: the station under construction. Its input of this name is replaced by the first term of the sum.
         key: name of the input, such as ``feedforward``.
         added: the ports, of the input's size.
-        name: suffix of the names of the blocks.
+        name: suffix of the names of the two blocks that are added.
     """
     # The sum takes the robot's input, so the station needs a new port for the source that would drive this input: the
     # port of a block that passes the values on.
@@ -222,7 +223,11 @@ class OwnController(ControllerSection):
 
 
 def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
-    """Create the blocks of the controllers that run the user's own code, by name."""
+    """Create the blocks of the controllers that run the user's own code, by name.
+
+    Raises:
+        InvalidParameter: a class cannot be imported, is not a LeafSystem, or does not take its parameters.
+    """
     own = {name: section for name, section in controllers.items() if section.runs_code}
     return {name: section.block(f"controllers.{name}") for name, section in own.items()}
 
@@ -231,8 +236,8 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
     """Check the blocks that a user gives to a run, and return them by name.
 
     Args:
-        blocks: blocks by name, or a list of blocks. A block of a list has its own name or, if this is no identifier,
-            the name of its class, such as ``my_block`` for ``MyBlock``.
+        blocks: blocks by name, or a list of blocks. A block of a list has its own name (``get_name()``) or, if this is
+            no identifier, the name of its class, such as ``my_block`` for ``MyBlock``.
 
     Raises:
         InvalidParameter: a block is not a LeafSystem or is given twice, or a name is no identifier or is given twice.
@@ -316,8 +321,8 @@ def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
         for port in _vector_outputs(block):
             output = port.get_name()
             owner = owners.setdefault(output, name)
-            # ``left.reference`` drives the reference of the robot ``left``. Other outputs may have equal names, since
-            # they become signals with the names of their blocks.
+            # Without a prefix, or with that of a robot: ``left.reference`` drives the reference of the robot ``left``.
+            # Other outputs may have equal names, since they become signals with the names of their blocks.
             is_drivable = output.rpartition(".")[2] in DRIVABLE
             if owner != name and is_drivable:
                 raise Unsuitable(
@@ -359,7 +364,11 @@ def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tupl
 
     Returns:
         The inputs, each one once.
+
+    Raises:
+        InvalidParameter: two blocks drive the same input.
     """
+    # The names without the prefixes of robots: a station makes an input for all of its robots.
     names = {output.rpartition(".")[2] for output in output_owners(blocks)}
     driven = [name for name in DRIVABLE if name in names and name in LISTABLE]
     return tuple(dict.fromkeys([*inputs, *driven]))
@@ -491,7 +500,7 @@ def _input_words(block: str, port: str) -> str:
 
 
 def _vector_outputs(block: LeafSystem) -> list[OutputPort]:
-    """Output ports of a block that are vectors. Only these can be recorded, or drive an input."""
+    """Find the output ports of a block that are vectors. Only these can be recorded, or drive an input."""
     ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
     return [port for port in ports if port.get_data_type() == PortDataType.kVectorValued]
 
@@ -526,7 +535,10 @@ def class_from(text: str, folder: Path) -> str:
 
 
 def _module_or_file_of(block_class: Any) -> str:
-    """Find how a class can be imported again: by the name of its module if that is in a package, else by its file."""
+    """Find how a class can be imported again: by the path of its file, or by the name of its module.
+
+    A module of a package is given by its name. So is a module without a file, which cannot be imported in another way.
+    """
     module = block_class.__module__
     # A module that was loaded by a test or a notebook may have no file: then the code of the constructor names it.
     file_of_code = getattr(getattr(block_class.__init__, "__code__", None), "co_filename", "")
@@ -544,6 +556,7 @@ def _import_module(module: str) -> Any:
 
     Raises:
         FileNotFoundError: there is no such file.
+        ImportError: there is no such module. The code that is imported may raise any other error.
     """
     if not module.endswith(".py"):
         return importlib.import_module(module)
