@@ -167,7 +167,7 @@ class Terrain(Strict):
 
     @property
     def depth(self) -> float:
-        """Depth of the floor's plane below the level ground around the field [m]. Boxes may be lower than that ground."""
+        """Depth of the floor's plane below the level ground around the field [m]. It leaves room for lower boxes."""
         # The boxes of a grid may be lower than the ground around them, as far as its file says.
         lowest = self.heights().min() if self.kind == "grid" else -self.height
         return _BELOW + max(self.height, -float(lowest))
