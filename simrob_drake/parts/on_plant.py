@@ -187,7 +187,7 @@ def add_monitor(
 
     Args:
         builder: builder of the diagram.
-        watched: the output ports whose values the two functions get, in this order.
+        watched: the output ports whose values the two functions get, in this order, by names for the monitor's inputs.
         excess: computes by how much the condition is exceeded. It holds where this is not negative.
         why: reason in words, for the message of the simulator's status.
         hold: how long the condition must last [s].
@@ -222,8 +222,8 @@ def add_joint_limit_monitor(
         builder: builder of the diagram that contains the plant.
         plant: the plant, finalized.
         joints: names of the joints; None means all joints of the model instance with one axis.
-        margin: distance from a limit at which the run ends [rad or m].
-        model_instance: model instance of the joints, as in :func:`add_joint_servos`.
+        margin: distance before a limit at which the run ends [rad or m].
+        model_instance: model instance of the joints. It may be None if only one has joints of these names.
         hold: how long a joint must be there [s].
         name: name of the block.
 

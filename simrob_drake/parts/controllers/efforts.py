@@ -532,8 +532,8 @@ class GuardedMotors(SampledBlock):
             nominal: torque that each motor may give forever, shape (n,) [N·m]; infinite if its heat is not watched.
             stiffness: gain kp of the servos, shape (n,) [N·m/rad].
             return_speed: speed at which each axis returns after it has given way, shape (n,) [rad/s].
-            names: names of the axes.
-            units: units of the torques, for messages.
+            names: names of the n axes, for messages.
+            units: units of their torques, for messages.
             arm_weight: compensation of the arm's weight when the robot stops. If it is None, the axes may sag then.
         """
         size = len(limit)
@@ -550,15 +550,15 @@ class GuardedMotors(SampledBlock):
         self._units = units
         self._arm_weight = arm_weight
 
-        zero = np.zeros(size)
-        none = np.zeros(1)
-        outputs = {"offset": zero, "target": zero, "active": none, "heat": zero, "stage": none}
+        zeros = np.zeros(size)
+        zero = np.zeros(1)
+        outputs = {"offset": zeros, "target": zeros, "active": zero, "heat": zeros, "stage": zero}
         timers = {
-            "above": zero,  # time for which each torque is above its limit [s]
-            "pressed": none,  # time for which the force is above its limit [s]
+            "above": zeros,  # time for which each torque is above its limit [s]
+            "pressed": zero,  # time for which the force is above its limit [s]
             # Before the stop: time for which an axis is held at its limit. After the stop: time for which nothing is
             # overloaded [s].
-            "lasts": none,
+            "lasts": zero,
         }
         reads = {"torque": size, "position": size, ASKED: size}
         if self._force_limit is not None:

@@ -427,7 +427,13 @@ def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Le
 
 
 def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPort) -> None:
-    """Connect an output of the block ``name`` to the input of the station that has the same name.
+    """Connect an output of a block to the input of the station that has the same name as the output.
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction, which has such an input.
+        name: name of the block, for errors.
+        port: the output.
 
     Raises:
         InvalidParameter: their sizes differ.
@@ -453,7 +459,13 @@ def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPor
 
 
 def _connect_input(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
-    """Connect an input of the block ``name`` to the output or the camera of the station that it is named after.
+    """Connect an input of a block to the output or the camera of the station that the input is named after.
+
+    Args:
+        builder: builder of the diagram. The block of the station that gives the output may be added.
+        site: the station under construction.
+        name: name of the block, for errors.
+        port: the input.
 
     Raises:
         SimrobError: there is no such output or camera, or the sizes differ.

@@ -212,10 +212,11 @@ class Support:
         )
 
     def _observe_feet(self) -> list[_FootState]:
-        """Compute the motion of each foot in the state that is set."""
+        """Compute the motion of each foot in the state of the work space, in which the base has no linear velocity."""
         feet = []
         for link, points, home in zip(self._feet(), self._points, self._homes, strict=True):
             pose = link.EvalPoseInWorld(self._scratch)
+            # R p for each contact point p of the foot, a row of `points` (k, 3).
             arms = points @ pose.rotation().matrix().T
             foot = _FootState(
                 heights=pose.translation()[2] + arms[:, 2],
