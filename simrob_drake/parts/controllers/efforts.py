@@ -677,7 +677,7 @@ class GuardedMotors(SampledBlock):
 
         Args:
             position: measured positions of the axes, shape (n,) [rad].
-            reason: reason for the end of the run.
+            reason: reason for the end of the run. It is not used if the posture is held.
 
         Raises:
             RunEnds: the section ends the run.

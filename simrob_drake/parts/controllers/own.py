@@ -106,12 +106,12 @@ def declare_output(
 def add_to(
     builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str
 ) -> None:
-    """Add ports to an input of a robot, whose former source keeps acting.
+    """Add the values of ports to an input of a robot. The source that drives the input keeps acting: all are added up.
 
     Args:
         builder: builder of the diagram.
-        site: the station under construction. Its input of this name is replaced by the first term of the sum.
-        key: name of the input, such as ``feedforward``.
+        site: the station under construction. Its input of this name becomes the first term of the sum.
+        key: name of the input with the robot's prefix, such as ``feedforward`` or ``left.feedforward``.
         added: the ports, of the input's size.
         name: suffix of the names of the two blocks that are added.
     """
@@ -123,6 +123,7 @@ def add_to(
     site.inputs[key] = pass_through.get_input_port()
     total = add_sum(builder, f"{key}.{name}", pass_through.get_output_port(), *added)
     builder.Connect(total, robot_input)
+    # The block picture leaves out the systems whose names begin with the key: it draws arrows in their place.
     site.picture.draw_nothing(key)
 
 

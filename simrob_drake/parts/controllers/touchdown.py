@@ -107,7 +107,7 @@ class Touchdown(LoopSection):
         return [name for name, axis in robot.model.axes.items() if axis.joint in joints]
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the loop's block for its robot. The key of the section and the station, the site, are not needed.
+        """Create the loop's block for its robot. The key and the site (the station) have no effect here.
 
         Raises:
             Unsuitable: no joint moves a foot, or a joint of a leg slides.

@@ -493,7 +493,7 @@ class WalkingLoop(SampledBlock):
             context: context of the block, which is changed.
             values: speeds ahead and to the left [m/s], and turn [rad/s].
         """
-        # The 1 in front says that a user commands the walk, see `Commander`.
+        # The 1 in front marks that a user commands the walk, with the three numbers after it.
         self.remember(context, {"hand": np.array([1.0, *values])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
