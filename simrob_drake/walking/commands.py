@@ -1,6 +1,8 @@
 """Commands of a walk, limited to what the legs can follow.
 
-A command comes from a user who steers, from another block, from a table of times or from a path.
+A command is a desired speed, ahead (real part) and to the left (imaginary part) of the robot, with a turning speed. It
+comes from a user who steers, from another block, from a table of times or from a path. Points and directions of a path
+are complex numbers in the world: x + iy.
 """
 
 from __future__ import annotations
@@ -153,11 +155,12 @@ class Path:
                     Spot(corners[number + 1] - cut_after * direction, direction, curvature)
                 )
                 lengths.append(turn / curvature)
+        # Distance of each line and arc from the start of the path [m]. The last sum is where the path ends.
         self._start_distances = [0.0, *accumulate(lengths)]
         self.length = self._start_distances.pop()
 
     def at(self, distance: float) -> Spot:
-        """Point of the path at a distance from its start [m]."""
+        """Point of the path at a distance from its start [m]. Beyond its ends, the first or last part goes on."""
         number = max(bisect_right(self._start_distances, distance) - 1, 0)
         return self._starts[number].at_distance(distance - self._start_distances[number])
 
@@ -223,7 +226,7 @@ class Follower:
 
         Args:
             base: pose of the root x y z [m] qw qx qy qz, shape (7,).
-            progress: distance on the path that is done so far [m].
+            progress: distance on the path that was done at the last sample [m].
 
         Returns:
             The command, and the new progress [m], which is beyond the length of the path after the robot has arrived.
@@ -264,7 +267,16 @@ class Follower:
         return _RootPose(complex(x, y), cmath.exp(1j * heading))
 
     def _turn_at_end(self, pose: _RootPose, progress: float) -> tuple[Command, float]:
-        """Turn on the spot to the heading at the end of the path. Returns the command and the progress [m]."""
+        """Turn on the spot to the heading at the end of the path, if one is desired.
+
+        Args:
+            pose: pose of the robot.
+            progress: distance on the path that is done [m].
+
+        Returns:
+            The command and the progress [m]. Once the robot has arrived, or if it cannot turn, the command is to stand,
+            and the progress is one metre beyond the length of the path, which marks the arrival.
+        """
         error = 0.0
         if self._end_heading is not None:
             error = cmath.phase(cmath.exp(1j * self._end_heading) / pose.direction)
@@ -281,7 +293,7 @@ class Follower:
             pose: pose of the robot.
             spot: point of the path at the last progress.
             offset: position of the robot from that point, along the path and to its left [m].
-            progress: distance on the path that is done [m].
+            progress: distance on the path that is done at this sample [m].
         """
         length = self.path.length
         soon = self.path.at(min(progress + _LOOK_AHEAD * self._speed, length))
@@ -293,7 +305,8 @@ class Follower:
         if curvature:
             speed = min(speed, _CURVE_PART * self._largest_turn / curvature)
 
-        # The desired direction leads back to the path. A robot that looks elsewhere first turns, then walks.
+        # The desired direction leads back to the path: `back` is a speed to its left [m/s]. A robot that looks
+        # elsewhere first turns, then walks: the cosine of the error is a factor of its speed.
         back = clamp(-_SIDE_GAIN * offset.imag, self._speed * tan(_LARGEST_APPROACH))
         # The direction is that at full speed: at the slow end of a path, a small distance aside would turn the robot
         # across the path otherwise.
@@ -353,7 +366,7 @@ def clip_command(command: Command, max_speed: MaxSpeed) -> Command:
 
 
 def find_excess(command: Command, max_speed: MaxSpeed) -> list[ExcessivePart]:
-    """Find the parts of a command that the legs cannot follow."""
+    """Find the parts of a command that the legs cannot follow: none, or up to three."""
     limit = clip_command(command, max_speed)
     parts = (
         ExcessivePart("ahead", command.speed.real, limit.speed.real, "m/s"),
@@ -400,7 +413,8 @@ class Commander:
             progress: distance on the path that is done so far [m].
 
         Returns:
-            The command and the new progress [m]. The command is None if the path decides and the pose is not finite.
+            The command and the new progress [m], which only changes while the path decides. The command is None if the
+            path decides and the pose is not finite.
         """
         # At time zero, the stored command of a user is from an earlier run, which this one continues. The walking loop
         # deletes it in this sample.

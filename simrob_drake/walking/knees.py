@@ -78,7 +78,11 @@ def knee_of(
         context: context of the plant with a posture near which the leg is examined. It is the same afterwards.
         joints: joints of the leg, from the hip to the foot.
         foot: frame of the leg's foot.
-        tip: point of the foot that stands on the ground, shape (3,) [m].
+        tip: point of the foot that stands on the ground, in the frame of the foot, shape (3,) [m].
+
+    Returns:
+        The knee. Its `fold` is measured from the hip to the tip of the foot, its `straight` between the joints above
+        and below it.
     """
 
     def origin(joint: RevoluteJoint) -> Vector:
@@ -101,6 +105,7 @@ def knee_of(
 
     # Thigh and shank are measured between parallel axes: joints across the knee do not fold the leg.
     directions = [direction(joint) for joint in joints]
+    # Without a parallel joint, the thigh begins at the hip, and the shank ends at the tip of the foot.
     is_parallel = [abs(each @ directions[knee]) > _PARALLEL for each in directions]
     above = next(
         (joints[other] for other in range(knee - 1, -1, -1) if is_parallel[other]), joints[0]
@@ -126,7 +131,7 @@ def _find_fold(
     Args:
         context: context of the plant. It is the same afterwards.
         joint: the joint that is turned.
-        vector: function that gives the vector between the ends of the leg, shape (3,) [m].
+        vector: function that gives the vector between the ends of the leg in the present posture, shape (3,) [m].
 
     Returns:
         The angle at which the vector is longest [rad], and the largest part by which its square gets shorter [1].
@@ -139,6 +144,7 @@ def _find_fold(
     joint.set_angle(context, before)  # the caller's context is the same afterwards
 
     # The first Fourier coefficient of a + b cos(q - q0) is b exp(i q0), and its mean is a.
+    # Its square varies between a - b and a + b: the part is 2 b / (a + b).
     coefficient = 2.0 / 3.0 * np.exp(1j * _ANGLES) @ squares
     longest_at = float(np.angle(coefficient))
     largest = np.mean(squares) + abs(coefficient)

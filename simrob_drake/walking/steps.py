@@ -12,7 +12,8 @@ time D, and then stays there. The end of the step therefore decides where :math:
     w_0 = 1 - \frac{1 - e^{-\omega D}}{\omega D}, \quad w_1 = 1 - e^{-\omega T} - w_0 .
 
 Positions are complex numbers [m], measured from the stance foot: the real part ahead, the imaginary part to the left.
-A multiplication by exp(i a) turns a position by the angle a to the left.
+A multiplication by exp(i a) turns a position by the angle a to the left. The foot that stands has the index `standing`,
+the foot that moves the index `swinging`: 0 is the right one, 1 the left one. A foot may be a group of feet.
 """
 
 from __future__ import annotations
@@ -90,6 +91,9 @@ class Command(NamedTuple):
         Args:
             target: the command to approach.
             largest_change: most that the speed ahead and to the left [m/s] and the turning speed [deg/s] change.
+
+        Returns:
+            The changed command. It is the target if all changes are within their limits.
         """
         ahead, left, turn_deg = largest_change
         speed_error = target.speed - self.speed
@@ -187,6 +191,9 @@ class Steps:
         Args:
             swinging: index of the swing foot.
             places: positions as complex numbers, measured from the stance foot.
+
+        Returns:
+            True for each allowed position, in the shape of `places`.
         """
         foothold = self._foothold
         outward = _outward(swinging) * places.imag
@@ -213,7 +220,7 @@ class Steps:
         Args:
             swinging: index of the swing foot.
             command: the command that the step follows.
-            turn: turn of the robot in the step, as a complex number of length one.
+            turn: turn of the robot in the step, as a complex number of length one: exp(i yaw).
         """
         # From the stance foot to the robot's middle, and from there to the swing foot's side, which has turned.
         to_side = 0.5 * self.apart[swinging]
@@ -313,6 +320,9 @@ class Steps:
             state: the divergent component.
             foot: position of the swing foot [m].
             condition: condition on the divergent component at the landing.
+
+        Returns:
+            The best landing, with the yaw of the planned one.
         """
         feedback = self._feedback
         assert feedback is not None  # a walk without feedback keeps its planned landings
@@ -321,6 +331,7 @@ class Steps:
         # One sample of the grid must remain for the foot to move, and a swing has a least duration.
         earliest = max(state.now + _TIME_GRID, lift_off + feedback.min_swing_time)
         latest = lift_off + feedback.max_swing_time
+        # At least one time of the grid is compared, also if no time is left before the latest one.
         count = max(math.ceil((latest - earliest) / _TIME_GRID), 1)
         times = (planned.time, *(earliest + _TIME_GRID * index for index in range(count)))
 
@@ -360,7 +371,8 @@ class Steps:
             planned: landing without an error.
             desired: foothold that the divergent component requires [m].
             foot: position of the swing foot [m].
-            time: time until the foot lands [s].
+            time: time that the foot has for its motion [s]: until it lands, from now, or from its lift-off if that is
+                later.
             feedback: parameters of the feedback.
         """
         foothold = self._foothold
