@@ -59,14 +59,24 @@ class TimeLaw:
         return float(self.breaks[-1])
 
     def at(self, times: npt.ArrayLike, piece: int, order: int = 0) -> Vector:
-        """Compute the distance at times (m,) [s] by one of the pieces, shape (m,), or its derivative of an order."""
+        """Compute the distance by the polynomial of one piece, or its derivative of an order.
+
+        Args:
+            times: times since the motion began, shape (m,) [s]. Outside of the piece, its polynomial goes on.
+            piece: index of the piece.
+            order: order of the derivative; 0 for the distance itself.
+
+        Returns:
+            the values, shape (m,).
+        """
         since_start_of_piece = np.asarray(times, dtype=float) - self.breaks[piece]
         return np.asarray(polyval(since_start_of_piece, polyder(self.coefficients[piece], order)))
 
     def times_of(self, parts: Vector) -> Vector:
         """Find the times at which the motion has covered parts (m,) of the path, each 0 to 1 [s].
 
-        They are interpolated between samples of the pieces.
+        They are interpolated between samples of the pieces. The speed of the motion must be positive, so that each part
+        has one time.
         """
         sample_times = [
             np.linspace(begin, end, _SAMPLES_PER_PIECE) for begin, end in pairwise(self.breaks)
@@ -77,7 +87,7 @@ class TimeLaw:
         return np.asarray(np.interp(parts, distances / distances[-1], np.concatenate(sample_times)))
 
     def slower(self, factor: float) -> "TimeLaw":
-        """Stretch the motion in time by a factor."""
+        """Stretch the motion in time by a factor: the same distance in `factor` times the duration."""
         # With t' = factor t, the coefficient of the power p becomes c / factor^p.
         powers = factor ** -np.arange(self.coefficients.shape[1], dtype=float)
         return TimeLaw(breaks=self.breaks * factor, coefficients=self.coefficients * powers)
@@ -111,9 +121,11 @@ def cruise(
 ) -> TimeLaw:
     """Compute the shortest time law for a path within limits.
 
+    Its shape is that of the module: ramp, constant speed, ramp. The units are those of the length and of seconds.
+
     Args:
-        length: length of the path, positive.
-        speed: largest speed, positive [1/s of the length].
+        length: length of the path, positive [rad or m, or 1 for parts of a path].
+        speed: largest speed, positive [1/s].
         acceleration: largest acceleration, positive [1/s²].
         jerk: largest jerk, positive [1/s³]; infinite for a trapezoid. If it is None, the result is an S-curve whose
             acceleration rises for a third of the ramp.
@@ -132,7 +144,8 @@ def cruise(
     elif np.isfinite(jerk):
         jerk = min(jerk, acceleration / _SHORTEST_RAMP)
 
-    # The ramp to this speed reaches the acceleration for an instant only. Below it, the ramp has no middle part.
+    # The speed a² / j. The ramp to this speed reaches the acceleration for an instant only. Below it, the ramp has no
+    # middle part.
     bend = acceleration**2 / jerk
     # Speed v without a constant part. With a middle part, v (v / a + a / j) = L; without it, v (2 sqrt(v / j)) = L.
     speed_that_fits = (np.sqrt(bend**2 + 4 * acceleration * length) - bend) / 2
@@ -219,6 +232,12 @@ def cruise_to(
         jerks: largest jerks, shape (n,) [rad/s³ or m/s³]; infinite for a trapezoid. If they are None, those of
             :func:`cruise` are used.
         start_time: time at which the motion starts [s].
+
+    Returns:
+        the trajectory, shape (n, 1). It is a constant, at all times, if no axis has a distance to go.
+
+    Raises:
+        InvalidParameter: the limits are so low that the motion would last too long.
     """
     first = np.asarray(start, dtype=float)
     distances = np.asarray(target, dtype=float) - first

@@ -76,15 +76,14 @@ class FramePoses(Block):
         return poses
 
     def _calc_pose(self, name: str, context: Context, output: BasicVector) -> None:
-        """Compute the pose that a port gives."""
+        """Compute the pose that the port of a name gives."""
         state = self._state.Eval(context) if name in self._moving else None
         output.SetFromVector(self._pose(name, state))
 
     def _pose(self, name: str, state: Vector | None = None) -> Vector:
         """Compute the pose (7,) of a frame in a state (nq + nv,). An anchored frame needs no state."""
         if state is not None:
-            # Poses depend on the positions only, so the velocities at the end of the state are left
-            # out.
+            # Poses depend on the positions only, so the velocities at the end of the state are left out.
             positions = state[: self._plant.num_positions()]
             self._plant.SetPositions(self._scratch, positions)
         frame = self._plant.get_frame(self._frames[name])

@@ -51,7 +51,7 @@ def add_external_force(
         frame: frame in whose axes the force acts.
         name: name of the block.
         point: point of the frame at which the force acts, shape (3,) [m].
-        turns: whether the vector is a torque; otherwise it is a force.
+        turns: whether the vector is a torque; otherwise it is a force. A torque does not depend on the point.
 
     Returns:
         The block. Its input ``command`` (3) is the force [N] or torque [N·m], and its output ``spatial_forces`` is to
@@ -93,7 +93,7 @@ def set_friction(
 
     Args:
         plant: the plant.
-        joints: n joints.
+        joints: n joints with one axis each.
         friction: friction c of each joint, shape (n,) [N·m or N], not negative; 0 adds nothing.
         speed: speed :math:`v_s` below which the friction fades [rad/s or m/s].
     """
@@ -161,11 +161,11 @@ def add_joint_stops(
     k = np.broadcast_to(stiffness, plant.num_velocities())[velocities]
     d = np.broadcast_to(damping, plant.num_velocities())[velocities]
 
-    # w = q + (d/k) v, from the state of the plant.
+    # w = q + (d/k) v of each of the joints (row), from the positions and velocities of the plant (columns).
     to_damped_position = np.zeros((count, plant.num_multibody_states()))
     to_damped_position[rows, position_columns] = 1.0
     to_damped_position[rows, [plant.num_positions() + velocity for velocity in velocities]] = d / k
-    # tau = -k w + k clip(w), from w and its clipped value.
+    # tau = -k w + k clip(w), from w and its clipped value. Joints without stops get zero.
     to_force = np.zeros((plant.num_velocities(), 2 * count))
     to_force[velocities, rows] = -k
     to_force[velocities, count + rows] = k

@@ -121,8 +121,7 @@ class AxisDynamics:
         self._set_state(positions, velocities)
         places = self._axes.velocity_places
         signs = self._axes.signs
-        # M of the axes: rows and columns of their joints, with the signs s of the axes: s_i M_ij
-        # s_j.
+        # M of the axes: rows and columns of their joints, with the signs s of the axes: s_i M_ij s_j.
         plant_mass = self._plant.CalcMassMatrix(self._context)
         mass = plant_mass[np.ix_(places, places)] * np.outer(signs, signs)
 
@@ -183,8 +182,7 @@ class Regulator(NamedTuple):
         Args:
             torque_limit: torque limits of the driven axes, shape (m,) [N·m or N].
         """
-        # k S^-1 k' for each row k of the gain: the motor's largest squared torque on the set x' S x
-        # = 1.
+        # k S^-1 k' for each row k of the gain: the motor's largest squared torque on the set x' S x = 1.
         spread = np.einsum("ij,ji->i", self.gain, np.linalg.solve(self.cost, self.gain.T))
         # Holding the posture takes u* of each limit; r k S^-1 k' may reach the square of the rest.
         left = np.maximum(torque_limit - np.abs(self.torque), 0.0)
@@ -208,15 +206,18 @@ def balance_regulator(
         weights: weights of the cost.
         key: name of the posture, for errors.
 
+    Returns:
+        the regulator, with the linear model for which it is designed.
+
     Raises:
         InvalidParameter: the robot is not in equilibrium there, or its motors cannot balance it.
     """
     # A passive axis rests only if nothing turns it there.
+    # Torques that hold the robot there, of all axes.
     holding = dynamics.weights(upright)
     stiffness = dynamics.stiffness(upright)
     passive_weight = float(np.abs(holding[~driven]).max(initial=0.0))
-    # The scale of the weights: those of an upright posture may all be zero, their derivatives are
-    # not.
+    # The scale of the weights: those of an upright posture may all be zero, their derivatives are not.
     most = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
     if passive_weight > _BALANCED * most:
         expected = message(
@@ -233,6 +234,7 @@ def balance_regulator(
     # The rates of the position errors in x are the velocities in x.
     position_rates = np.hstack([np.zeros((count, count)), np.eye(count)])
     dynamics_matrix = np.vstack([position_rates, accelerations])
+    # Columns of the identity: the torques of the motors among those of all axes.
     torques = np.eye(count)[:, driven]
     input_matrix = np.vstack([np.zeros_like(torques), np.linalg.solve(mass, torques)])
     state_weights = np.diag(np.concatenate([weights.position, weights.velocity]))
@@ -366,9 +368,14 @@ class SwingUp(SampledBlock):
         position: Vector,
         velocity: Vector,
     ) -> float:
-        """Compute the energy E, less the one at rest upright [J]."""
-        # E = v' M v / 2 + U(q). With the other velocities at 0, only M_pp of the passive axis
-        # counts.
+        """Compute the energy E, less the one at rest upright [J].
+
+        Args:
+            terms: terms of the equations of motion in this state.
+            position: positions, shape (n,) [rad or m].
+            velocity: velocities, shape (n,) [rad/s or m/s].
+        """
+        # E = v' M v / 2 + U(q). With the other velocities at 0, only M_pp of the passive axis counts.
         counted = np.where(self._driven, 0.0, velocity) if self._gains.of_passive_axis else velocity
         kinetic = 0.5 * float(counted @ terms.mass @ counted)
         return kinetic + self._dynamics.potential_energy(position) - self._upright_energy
@@ -384,9 +391,9 @@ class SwingUp(SampledBlock):
 
         Args:
             terms: terms of the equations of motion in this state.
-            error: errors of the positions, shape (n,) [rad or m].
+            error: positions less the upright ones, shape (n,) [rad or m].
             velocity: velocities, shape (n,) [rad/s or m/s].
-            energy: error of the energy [J].
+            energy: energy less the one at rest upright, from :meth:`energy_error` [J].
         """
         driven = self._driven
         passive = ~driven
