@@ -17,6 +17,9 @@ Each of three steps has two solutions, called shoulder, elbow and wrist; so ther
 subproblems of Paden and Kahan (Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3).
 
 Vectors across axis 2 are written as complex numbers: a turn about axis 2 by q is then a product with exp(iq).
+
+The upper arm leads from axis 2 to axis 3. The forearm leads from axis 3 to the wrist centre or, with a parallel wrist,
+to axis 4; there, the hand leads from axis 4 to the wrist centre. "At zero" is with all axes at 0.
 """
 
 from dataclasses import dataclass
@@ -111,7 +114,7 @@ class SixAxisArm:
 
     @classmethod
     def of(cls, chain: Chain) -> "SixAxisArm":
-        """Recognise the geometry of a chain.
+        """Recognise the geometry of a chain, from its axes and points at zero.
 
         Args:
             chain: the chain of an arm.
@@ -215,6 +218,9 @@ class SixAxisArm:
             axis: index of the axis, 0 to 5.
             angles: angles, shape (...) [rad].
             vectors: vectors, shape (..., 3).
+
+        Returns:
+            the turned vectors, of the common shape of both, (..., 3).
         """
         # v cos(q) + (a × v) sin(q) + a (a·v) (1 - cos(q)) = v + sin(q) (a × v) + (1 - cos(q)) a × (a × v).
         # Vectors are rows here, so that a × v is the product of v with the transposed matrix.
@@ -250,7 +256,7 @@ class SixAxisArm:
         )
         centres = self.shoulder + self.turn(0, q[0], self.upper_arm - self.shoulder + arm)
 
-        # The three axes of the tool, and the vector from the wrist centre to it.
+        # The three axes of the tool, and the vector from the wrist centre to it, at zero. Shape (4, 1, 3).
         columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[
             :, np.newaxis
         ]
@@ -346,6 +352,9 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
         arm: the arm.
         targets: the poses, shape (k, 4, 4).
         starts: positions of axes 1 to 6, shape (k, 6) [rad]. Axes that may have any position get theirs from these.
+
+    Returns:
+        the eight postures of each pose, whether or not it is in reach, and how far it is out of reach.
     """
     # Rotations of the tool from its orientation at zero. The wrist centre is fixed in the tool, so that the pose of the
     # tool gives its position.
@@ -585,10 +594,11 @@ def _angle_between(one: Vector, other: Vector) -> float:
 
 
 def _angle_about(axis: Vector, begin: Vector, end: Vector) -> Vector:
-    """Compute the angle about an axis from vectors (..., 3) to vectors (..., 3) [rad]."""
+    """Compute the angles about an axis (3,) from vectors (..., 3) to vectors (..., 3), -π to π, shape (...) [rad]."""
     spin = skew(axis).T
     # Vectors may be almost parallel to the axis. Their parts across the axis are compared, since the product of the
-    # vectors themselves would lose what is small.
+    # vectors themselves would lose what is small. A product with `spin` is a × v: the part across the axis, turned by a
+    # right angle. A second one turns it by another right angle, for the sine.
     begin_across = begin @ spin
     end_across = end @ spin
     angle: Vector = np.arctan2(

@@ -1,5 +1,9 @@
 """Weighted numeric inverse kinematics for any chain (W in SimRob): least squares within limits, many targets at once.
 
+An error is a vector of six numbers: the distances to the target along x, y, z [m], and the rotation vector to it about
+x, y, z [rad]. The cost of a posture is the weighted sum of their squares. A search goes from a start to a minimum of
+the cost in steps, and searches for many targets go side by side.
+
 ``scipy.optimize.least_squares`` does the same for one target at a time; along a path of the irb120 its bounded methods
 take 1.6 times as long, and they cannot take targets, or starts for one target, side by side.
 """
@@ -62,7 +66,7 @@ class Fit:
 
     Attributes:
         postures: the postures, shape (k, n) [rad or m].
-        errors: errors that are left along and about x, y, z, shape (k, 6) [m, rad].
+        errors: errors that are left, shape (k, 6) [m, rad].
         costs: sums of the weighted squares of the errors, shape (k,).
         iterations: counts of the steps, shape (k,).
     """
@@ -207,6 +211,9 @@ def fit_postures(
             about the axes of that frame.
         room: distance that axes keep to their limits [rad or m]. Only axes keep it whose range is more than four times
             this distance, and which have it at the start.
+
+    Returns:
+        the postures at which the searches end, one for each target, whether or not they reach it.
     """
     # An axis with a small range would hardly move if it kept the distance on both sides.
     kept_distance = np.where(chain.upper - chain.lower > 4 * room, room, 0.0)
@@ -232,6 +239,7 @@ def fit_postures(
         costs=errors**2 @ weights,
         damping=np.full(count, _FIRST_DAMPING),
     )
+    # Rivals are in a row, so search i has the target i // rivals.
     is_target_reached = np.zeros(count // rivals, dtype=bool)
     is_done = within(errors, weights, tolerance)
     # All searches do their steps side by side, as rows of arrays. Results are written as searches end, and the rest
@@ -298,7 +306,8 @@ def _steps(searches: _Searches, weights: Vector) -> Vector:
 
     .. math:: (J^T W J + \lambda I) \, d = J^T W e
 
-    in which the damping is a share of the cost. Rows and columns of axes that are pressed against a limit are removed.
+    in which the damping :math:`\lambda` is a share of the cost. Rows and columns of axes that are pressed against a limit
+    are removed.
     """
     # Right side Jᵀ W e, the negative gradient of half the cost, and Gauss and Newton's approximation Jᵀ W J of the
     # Hessian matrix.
@@ -501,7 +510,8 @@ class NumericSolver(Solver):
             targets: poses of the tool, shape (k, 4, 4).
             starts: postures from which the searches start, shape (k, n) [rad or m].
         """
-        # First search from the start. A redundant arm keeps some room to its limits, if a target can be reached so.
+        # First search from the start. A redundant arm, of more than six axes that move the tool, keeps some room to its
+        # limits, if a target can be reached so.
         is_redundant = len(self.chain.order) > POSE_SIZE
         fit = self._fit(targets, starts, flat=COARSE, room=_ROOM if is_redundant else 0.0)
         # Indices of the targets that are not reached.
@@ -572,7 +582,10 @@ class NumericSolver(Solver):
     def _fit(
         self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0
     ) -> Fit:
-        """Search with the weights, tolerance and count of steps of this solver, see :func:`fit_postures`."""
+        """Search with the weights, tolerance and count of steps of this solver.
+
+        The arguments and the result are those of :func:`fit_postures`.
+        """
         return fit_postures(
             self.chain,
             targets,
@@ -592,7 +605,7 @@ class NumericSolver(Solver):
     def _restart(
         self, fit: Fit, missing: Indices, seeds: Vector, targets: Vector, starts: Vector
     ) -> None:
-        """Search each missing target from random postures, and take the best result if it costs less.
+        """Search each missing target from random postures, and take the best result if it costs less. Changes ``fit``.
 
         Args:
             fit: the best postures so far. Those of missing targets are replaced if a search finds a cheaper one.
@@ -641,7 +654,8 @@ def _read_weights(weights: npt.ArrayLike) -> Vector:
 def random_postures(chain: Chain, count: int, seed: int) -> Vector:
     """Draw postures that are evenly distributed between the limits of a chain.
 
-    An axis without a limit is drawn up to half a turn, or a metre, to that side of zero.
+    An axis without a limit is drawn up to half a turn, or a metre, to that side of zero. The same seed gives the same
+    postures.
 
     Args:
         chain: the axes.

@@ -55,7 +55,8 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
         name: ``"numeric"`` (SimRob's W), ``"constrained"`` (GIK), ``"analytic"`` (AIK), ``"incremental"`` (JacIK), or
             the name of a solver that an extension adds. ``"auto"`` is no solver of its own, see :func:`solver_for`.
         chain: chain of joints whose axes the solver moves.
-        **options: options of the solver's class.
+        **options: arguments of the solver's class after the chain, such as tolerances. Those that are left out have the
+            class's default values.
 
     Raises:
         UnknownName: there is no such solver, or the solver has no such option.
