@@ -64,6 +64,11 @@ def add_multiplexer(builder: DiagramBuilder, name: str, *ports: OutputPort) -> O
     """Add a block that stacks ports into one vector, in their order, and return its output port.
 
     A single port is returned itself, without a block.
+
+    Args:
+        builder: builder of the diagram.
+        name: name of the block.
+        *ports: output ports of other blocks.
     """
     # A solver evaluates every block at every stage of a step, so a block that only copies is left out.
     if len(ports) == 1:

@@ -330,7 +330,11 @@ class Distances:
         self.pairs = [*self._convex_pairs, *plane_pairs]
 
     def of(self, query: QueryObject) -> Vector:
-        """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
+        """Compute the distances of all k pairs, in the order of `pairs`, shape (k,) [m]; negative if shapes overlap.
+
+        Args:
+            query: query object of the scene graph, which has the present poses of the shapes.
+        """
         distances = [
             query.ComputeSignedDistancePairClosestPoints(*pair).distance
             for pair in self._convex_pairs
@@ -340,7 +344,12 @@ class Distances:
 
 
 def _shape_over_plane(inspector: SceneGraphInspector, pair: Pair) -> _ShapeOverPlane:
-    """Read the properties of a pair of shapes, of which at least one is a half space. The other one is measured."""
+    """Read the properties of a pair of shapes, of which at least one is a half space. The other one is measured.
+
+    Args:
+        inspector: inspector of the scene graph that contains the shapes.
+        pair: the pair. If both are half spaces, the first one counts as the plane.
+    """
     first, second = pair
     is_first_plane = isinstance(inspector.GetShape(first), HalfSpace)
     plane_id = first if is_first_plane else second

@@ -177,6 +177,8 @@ def _check_limits(
 ) -> None:
     """Check that none of the limits alone makes a motion over a length last too long.
 
+    The arguments are those of :func:`cruise`: length, and largest speed, acceleration and jerk, or None for no jerk.
+
     Raises:
         InvalidParameter: the motion would last longer than times may be.
     """

@@ -81,7 +81,15 @@ class FramePoses(Block):
         output.SetFromVector(self._pose(name, state))
 
     def _pose(self, name: str, state: Vector | None = None) -> Vector:
-        """Compute the pose (7,) of a frame in a state (nq + nv,). An anchored frame needs no state."""
+        """Compute the pose of a frame in a state of the plant.
+
+        Args:
+            name: name of the frame's port.
+            state: positions and velocities of the plant, shape (nq + nv,), or None for an anchored frame.
+
+        Returns:
+            The pose x y z [m] qw qx qy qz, shape (7,).
+        """
         if state is not None:
             # Poses depend on the positions only, so the velocities at the end of the state are left out.
             positions = state[: self._plant.num_positions()]

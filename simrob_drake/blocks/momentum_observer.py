@@ -134,7 +134,11 @@ class MomentumObserver(Block):
         return np.asarray(np.linalg.lstsq(axes_jacobian.T, torque, rcond=_SINGULAR)[0])
 
     def _momentum_and_rate(self, state: Vector) -> tuple[Vector, Vector]:
-        """Compute the momentum p, and the part f of its rate that the model knows, each shape (n,) in axis order."""
+        """Compute the momentum p, and the part f of its rate that the model gives, each shape (n,) in axis order.
+
+        Args:
+            state: positions and velocities of the plant, shape (nq + nv,).
+        """
         plant = self._plant
         context = self._scratch
         positions, velocities = np.split(state, [plant.num_positions()])

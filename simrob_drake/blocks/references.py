@@ -212,7 +212,10 @@ class SineReference(ReferenceSignal):
     ) -> "ReferenceSource":
         """Add Drake's `Sine` and a constant for the centre, and sum them.
 
-        The result always has both derivatives, whatever `derivatives` says.
+        Args:
+            builder: builder of the diagram.
+            name: name of the sine, and prefix of the names of the other blocks.
+            derivatives: without effect: the result always has both derivatives.
         """
         # omega = 2 pi f [rad/s], equal for all axes.
         angular_frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)
@@ -347,7 +350,10 @@ class TrajectoryReference(ReferenceSignal):
     ) -> "ReferenceSource":
         """Add Drake's `TrajectorySource`. If it gives derivatives, a demultiplexer splits its output.
 
-        The result has exactly the derivatives that are asked for, at most two.
+        Args:
+            builder: builder of the diagram.
+            name: name of the source, and prefix of the name of the demultiplexer.
+            derivatives: count of derivatives, 0 to 2. The result has exactly these.
 
         Raises:
             InvalidParameter: the trajectory is no column.
@@ -453,7 +459,7 @@ def ramp(
     Args:
         start: positions at the start, shape (n,) [rad].
         target: positions at the end, shape (n,) [rad].
-        duration: duration of the motion [s].
+        duration: duration of the motion [s], the blends included.
         start_time: time at which the motion starts [s].
         blend: time in which the speed grows evenly at the start, and falls at the end [s]. It must be less than half of
             the duration. If it is 0, the speed jumps.

@@ -560,7 +560,12 @@ def _bus_matrix(
 
 
 def _speeds_of_bus(signals: ServoSignals, count: int) -> Vector:
-    """Matrix (count, size of the bus) from the bus of a group of joints to the joints' speeds."""
+    """Compute the matrix (count, size of the bus) from the bus of a group of joints to the joints' speeds.
+
+    Args:
+        signals: signals of all joints, which define what the bus contains.
+        count: count of joints in the group.
+    """
     zero = np.zeros((count, count))
     return _bus_matrix(
         signals,
@@ -582,7 +587,16 @@ def _add_cascade(
 ) -> OutputPort:
     """Add the cascade of one group of n joints: a loop for the velocities inside of the one for the positions.
 
-    The arguments and the result are those of `_add_group`.
+    Args:
+        builder: builder of the diagram.
+        bus: signals of the group, see `_add_selector`.
+        gains: gains and limits of all servos, with a speed limit.
+        group: indices of the joints among these servos.
+        signals: signals of all joints, which define what the bus contains.
+        name: prefix of the names of the blocks.
+
+    Returns:
+        The commanded torques before saturation, size n [N·m].
     """
     assert gains.speed_limit is not None
     identity = np.eye(len(group))
@@ -794,8 +808,13 @@ def _extra_torques(
 ) -> list[_ExtraTorque]:
     """Find the torques in addition to the PD part: of the reference velocity, the feedforward and the integral part.
 
-    Adds the integrators to the diagram, if an axis has an integral gain. The other arguments are those of
-    `add_actuator_servos`.
+    Adds the integrators to the diagram, if an axis has an integral gain.
+
+    Args:
+        builder: builder of the diagram.
+        signals: signals of the servos, in axis order.
+        gains: gains and limits of the servos, in axis order.
+        prefix: prefix of the names of the blocks.
 
     Returns:
         the torques. Parts that are not wired, or have no gain, are left out.

@@ -339,7 +339,15 @@ class SwingUp(SampledBlock):
         self._catch_cost = catch * self.regulator.largest_cost(torque_limit[self._driven])
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the torques: those of the regulator near the upright posture, else those of the swing-up."""
+        """Compute the torques: those of the regulator near the upright posture, else those of the swing-up.
+
+        Args:
+            memory: the outputs of the last sample, by name. ``balancing`` decides when the regulator gives up.
+            read: ``position`` and ``velocity`` of the axes.
+
+        Returns:
+            the new outputs, by name.
+        """
         position = read["position"]
         velocity = read["velocity"]
 

@@ -227,7 +227,14 @@ class WrittenNet:
         exec(compile("\n".join(self._lines), SOURCE, "exec"), self.functions)
 
     def _declare_states(self, number: int, block: NetBlock) -> None:
-        """Append the states of a block at the start to `continuous` or `sampled`, and name their variables."""
+        """Append the states of a block at the start to `continuous` or `sampled`, and name their variables.
+
+        It must be called for the blocks in their order, since the variables are numbered through all blocks.
+
+        Args:
+            number: index of the block.
+            block: the block.
+        """
         is_sampled = number in self._every
         letter = "h" if is_sampled else "x"
         all_states = self.sampled if is_sampled else self.continuous
@@ -350,7 +357,10 @@ class WrittenNet:
         return [Expression(Variable(name)) for name in names]
 
     def _write_output(self, number: int) -> None:
-        """Append the lines that compute a block's output. Between samples, a sampled block holds its output."""
+        """Append the lines that compute the output of a block, by its index.
+
+        Between samples, a sampled block gives the output that it holds.
+        """
         block = self._wired[number].block
         names = self._output_variables(number)
         indent = ""

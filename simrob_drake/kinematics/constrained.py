@@ -173,7 +173,15 @@ class ConstrainedSolver(Solver):
         )
 
     def _errors(self, target: Vector, positions: Vector) -> Vector:
-        """Errors of a posture (n,) that count, shape (1, 6) [m, rad]; the others are 0."""
+        """Compute the errors of a posture that count, by the part of the target that is asked for.
+
+        Args:
+            target: pose of the tool, shape (4, 4).
+            positions: the posture, shape (n,) [rad or m].
+
+        Returns:
+            the errors along and about x, y, z, shape (1, 6) [m, rad]. Those that do not count are 0.
+        """
         errors = pose_errors(target[np.newaxis], self.chain.forward(positions))
         masks = {
             "pose": [1.0, 1.0, 1.0, 1.0, 1.0, 1.0],

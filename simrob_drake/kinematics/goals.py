@@ -158,6 +158,9 @@ class PositionBounds(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Make the constraint on the positions of the whole plant.
 
+        Args:
+            setting: chain and context.
+
         Raises:
             InvalidParameter: a bound is not a number, or a lower bound is above the upper one; or the frame is no pose.
         """
@@ -184,6 +187,9 @@ class OrientationCone(Goal):
 
     def constraint(self, setting: Setting) -> Constraint:
         """Make the constraint on the positions of the whole plant.
+
+        Args:
+            setting: chain and context.
 
         Raises:
             InvalidParameter: the angle is not from 0 to π; or the direction or the axis is zero, or not three numbers.
@@ -222,6 +228,9 @@ class Aiming(Goal):
 
     def constraint(self, setting: Setting) -> Constraint:
         """Make the constraint on the positions of the whole plant.
+
+        Args:
+            setting: chain and context.
 
         Raises:
             InvalidParameter: the angle is not from 0 to π/2; the axis is zero; or target or axis are not three numbers.
@@ -272,6 +281,9 @@ class JointBounds(Goal):
     def constraint(self, setting: Setting) -> Constraint:
         """Make the constraint on the position of this axis alone.
 
+        Args:
+            setting: chain and context.
+
         Raises:
             UnknownName: there is no such axis.
             InvalidParameter: a bound is not a number, or the lower bound is above the upper one.
@@ -312,6 +324,9 @@ class DistanceBounds(Goal):
 
     def constraint(self, setting: Setting) -> Constraint:
         """Make the constraint on the positions of the whole plant.
+
+        Args:
+            setting: chain and context.
 
         Raises:
             InvalidParameter: a bound is not a number or negative, the lower bound is above the upper one, or a point is
@@ -370,7 +385,7 @@ def point_in_box(
 def _bounds(
     owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int
 ) -> tuple[Vector, Vector]:
-    """Convert bounds to arrays (size,).
+    """Convert lower and upper bounds to arrays (size,), and check them.
 
     Args:
         owner: name of the goal, for the message of an error.

@@ -77,7 +77,7 @@ class Fit:
     iterations: Counts
 
     def rows(self, indices: Indices) -> "Fit":
-        """Return the results of some of the searches."""
+        """Return copies of the results of the searches with the given indices."""
         return Fit(
             self.postures[indices],
             self.errors[indices],
@@ -306,8 +306,12 @@ def _steps(searches: _Searches, weights: Vector) -> Vector:
 
     .. math:: (J^T W J + \lambda I) \, d = J^T W e
 
-    in which the damping :math:`\lambda` is a share of the cost. Rows and columns of axes that are pressed against a limit
-    are removed.
+    in which the damping :math:`\lambda` is a share of the cost. Rows and columns of axes that are pressed against a
+    limit are removed.
+
+    Args:
+        searches: the k searches, with postures, errors e and derivatives.
+        weights: weights of the errors, the diagonal of W, shape (6,).
     """
     # Right side Jᵀ W e, the negative gradient of half the cost, and Gauss and Newton's approximation Jᵀ W J of the
     # Hessian matrix.
@@ -506,6 +510,9 @@ class NumericSolver(Solver):
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Search a posture for each of k targets independently.
 
+        The attempts follow each other, each for the targets that are not reached so far: from the start, with rounded
+        limits widened, from random postures; and last, the best compromise for the rest.
+
         Args:
             targets: poses of the tool, shape (k, 4, 4).
             starts: postures from which the searches start, shape (k, n) [rad or m].
@@ -582,9 +589,17 @@ class NumericSolver(Solver):
     def _fit(
         self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0
     ) -> Fit:
-        """Search with the weights, tolerance and count of steps of this solver.
+        """Search with the weights, tolerance and count of steps of this solver, by :func:`fit_postures`.
 
-        The arguments and the result are those of :func:`fit_postures`.
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            starts: postures from which the searches start, shape (k, n) [rad or m].
+            flat: a search ends if a step takes away less than this share of the cost.
+            rivals: count of searches in a row that have the same target. All of them end if one reaches it.
+            room: distance that axes keep to their limits, if they can [rad or m].
+
+        Returns:
+            the postures at which the searches end.
         """
         return fit_postures(
             self.chain,

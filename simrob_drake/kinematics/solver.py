@@ -58,7 +58,16 @@ class Unreachable(SimrobError):
         position_error: float,
         rotation_error: float,
     ) -> None:
-        """Write the message: the target (such as ``targets[3]``), the reason, and the errors of the best posture."""
+        """Write the message: the target, the reason, and the errors of the best posture.
+
+        Args:
+            target: name of the target in the message, such as ``targets[3]``.
+            reason: why the target is not reached, in words.
+            index: index of the target in its batch, counted from 0.
+            positions: the best posture that was found, shape (n,) [rad or m].
+            position_error: distance of this posture's tool from the target [m].
+            rotation_error: angle of this posture's tool from the target [rad].
+        """
         errors = message(
             "kinematics.best_solution",
             "the error of the best solution is {distance:.3g} m and {angle}",

@@ -448,6 +448,10 @@ class Body:
 def _check_legs(feet: Sequence[Frame], legs: Sequence[Sequence[int]]) -> None:
     """Check that all legs have the same count of joints, from three to seven.
 
+    Args:
+        feet: frames of the feet's links, for the name in the error.
+        legs: indices of the axes of each foot's leg.
+
     Raises:
         InvalidParameter: a leg has another count of joints.
     """

@@ -253,7 +253,11 @@ class Follower:
         return self._command_along(pose, spot, offset, new_progress), new_progress
 
     def _root_pose(self, base: Vector) -> _RootPose | None:
-        """Convert the pose of the root (7,) to one in the plane. Returns None if it is not finite."""
+        """Convert the pose of the root to one in the plane. Returns None if it is not finite.
+
+        Args:
+            base: pose of the root x y z [m] qw qx qy qz, shape (7,).
+        """
         x = float(base[0])
         y = float(base[1])
         w = float(base[3])
@@ -287,7 +291,7 @@ class Follower:
     def _command_along(
         self, pose: _RootPose, spot: Spot, offset: complex, progress: float
     ) -> Command:
-        """Compute the command on the way.
+        """Compute the command on the way: follow the path ahead of the robot, and return to it from the side.
 
         Args:
             pose: pose of the robot.
@@ -356,7 +360,15 @@ class ExcessivePart(NamedTuple):
 
 
 def clip_command(command: Command, max_speed: MaxSpeed) -> Command:
-    """Limit a command to what the legs can follow. Returns the same object if the command is within the limits."""
+    """Limit a command to what the legs can follow, each of its three parts by its own limits.
+
+    Args:
+        command: the command.
+        max_speed: largest commands that the legs can follow.
+
+    Returns:
+        The limited command. It is the same object if the command is within the limits.
+    """
     ahead = min(max(command.speed.real, -max_speed.backward), max_speed.ahead)
     left = clamp(command.speed.imag, max_speed.sideways)
     turn = clamp(command.turn, radians(max_speed.turn_deg))
@@ -366,7 +378,12 @@ def clip_command(command: Command, max_speed: MaxSpeed) -> Command:
 
 
 def find_excess(command: Command, max_speed: MaxSpeed) -> list[ExcessivePart]:
-    """Find the parts of a command that the legs cannot follow: none, or up to three."""
+    """Find the parts of a command that the legs cannot follow: none, or up to three.
+
+    Args:
+        command: the command.
+        max_speed: largest commands that the legs can follow.
+    """
     limit = clip_command(command, max_speed)
     parts = (
         ExcessivePart("ahead", command.speed.real, limit.speed.real, "m/s"),

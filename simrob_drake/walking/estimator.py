@@ -234,10 +234,13 @@ class Estimator:
         return slope
 
     def feet_to_measure(self, stride: Stride) -> Sequence[int]:
-        """Find the indices of the feet whose forces count in a sample, as reading a force takes time.
+        """Find the indices of the feet whose forces count in a sample. The others are not read, as that takes time.
 
         These are the swing feet while they may touch the ground, and the stance feet if the feedback lowers late feet
         (`late_touchdown` is not 0). There are none without feedback.
+
+        Args:
+            stride: state of the walk.
         """
         feedback = self._feedback
         if feedback is None:

@@ -133,7 +133,7 @@ class HeightMap:
         return complex(_SHIFTS.flat[int(cost.argmin())])
 
     def _window_around(self, place: complex) -> _Window:
-        """Find the surroundings of a position, and compute its block if that is new."""
+        """Find the surroundings of a position in the world [m], and compute its block if that is new."""
         # Cell and block that contain the position. The middle of cell i is at i CELL.
         x = round(place.real / CELL)
         y = round(place.imag / CELL)

@@ -195,6 +195,9 @@ class WalkPlanner:
             stride: references of this sample.
             estimate: what the sensors measure.
             xi: reference of the divergent component [m].
+
+        Returns:
+            The stride with changed references of the trunk, ground and corrections.
         """
         feedback = self._feedback
         step = stride.step
@@ -225,6 +228,10 @@ class WalkPlanner:
         """Move the trunk's references towards the estimate, and the trunk back to upright and to its height.
 
         Each is a first-order lag with the sample time T: x + (1 - exp(-rate T)) (measured - x).
+
+        Args:
+            stride: references of this sample.
+            estimate: what the sensors measure.
         """
         feedback = self._feedback
         trunk = stride.trunk
@@ -329,7 +336,13 @@ class WalkPlanner:
         return stride, xi
 
     def _hold_heading(self, stride: Stride, command: Command, estimate: Estimate) -> Stride:
-        """Turn the desired heading by the command, and set the turn that brings the trunk back to it."""
+        """Turn the desired heading by the command, and set the turning speed that brings the trunk back to it.
+
+        Args:
+            stride: state of the walk.
+            command: desired motion.
+            estimate: what the sensors measure, with the heading of the trunk in the world.
+        """
         desired = stride.trunk.desired_heading
         error = math.remainder(desired - estimate.heading, math.tau)
         turn_back = clamp(self._feedback.heading_gain * error, _LARGEST_TURN_BACK)
@@ -601,7 +614,13 @@ class WalkPlanner:
         )
 
     def _level_of(self, estimate: Estimate, group: int, known: HeightMap) -> float:
-        """Compute the mean height of the map under the feet of the stance group [m]."""
+        """Compute the mean height of the map under the feet of the stance group [m].
+
+        Args:
+            estimate: what the sensors measure, with the position of the stance foot in the world.
+            group: index of the stance group.
+            known: the height map.
+        """
         offsets = self._stance.offsets[group]
         heights = known.heights([estimate.in_world(offset) for offset in offsets])
         return sum(heights) / len(heights)
@@ -612,6 +631,11 @@ class WalkPlanner:
         """Shift a landing to a near place where the ground is even.
 
         Without a height map or an estimate, the landing stays as planned.
+
+        Args:
+            stride: state of the walk, with the landing of the last sample.
+            estimate: what the sensors measure, or None to walk without feedback.
+            landing: the landing as planned.
         """
         if self._map is None or estimate is None:
             return landing
@@ -786,6 +810,9 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
             lift: height at which the foot has landed above the expected ground [m].
             hurries: whether the next foot lifts at once, as there is a large error.
+
+        Returns:
+            The state as seen from the foot that has landed, with the next step, or of a robot that stands.
         """
         swinging = stride.step.sides[1]
         # Where the foot would stand at the end of a walk: next to the other one.
