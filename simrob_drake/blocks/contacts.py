@@ -400,6 +400,7 @@ class DistanceSensor(Block):
                 if first != second and not inspector.CollisionFiltered(first, second):
                     pairs.append((first, second))
         if not pairs:
+            # The message names one shape of each set.
             names = join_texts(
                 [inspector.GetName(next(iter(shapes))) for shapes in (body, other)],
                 message("base.and", " and "),

@@ -78,6 +78,7 @@ class TimeLaw:
         They are interpolated between samples of the pieces. The speed of the motion must be positive, so that each part
         has one time.
         """
+        # Sample times of each piece, and the distance at each of them.
         sample_times = [
             np.linspace(begin, end, _SAMPLES_PER_PIECE) for begin, end in pairwise(self.breaks)
         ]

@@ -427,6 +427,7 @@ def _solve_shoulder(
     # wrist centre:  v·R(-q) w = (v·w - h u·v) cos q + w·(u × v) sin q + h u·v, where h = u·w.
     height = away @ one
     a = away @ two - height * (one @ two)
+    # The transposed matrix of a cross product gives its negative, hence the sign.
     b = -(away @ (arm.spins[0].T @ two))
     d = arm.side - height * (one @ two)
 

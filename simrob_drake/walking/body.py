@@ -3,7 +3,8 @@
 The root is the robot's trunk, a free body of the plant. An axis is a joint with a servo; its sign is -1 if it counts
 against the sense of Drake's joint. The stance is the posture in which the robot stands with flat soles, side by side. A
 sole's frame has its origin in the middle of the sole, or of the ball if the foot is a ball; in the stance, its axes are
-those of the robot: x ahead, y to the left, z up. Complex numbers are positions in the plane: x + iy.
+those of the robot: x ahead, y to the left, z up. Complex numbers are positions in the plane: x + iy. In names, com is
+the centre of mass.
 """
 
 from __future__ import annotations
@@ -305,6 +306,7 @@ class Body:
             self._soles.append(sole)
             self._corners.append(sole.inverse().multiply(corners.T).T.tolist())
             self.homes.append(home.multiply(tip))
+        # The largest coordinate along (x) or across (y) the foot, of all corners of all feet.
         self.sole_reach = max(
             abs(coordinate)
             for corners in self._corners

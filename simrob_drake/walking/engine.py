@@ -3,7 +3,8 @@
 The feet form two groups, 0 on the right and 1 on the left, of one foot or several each. The stance foot is the middle
 of the group that stands, the swing foot that of the group that moves. Positions are measured from the stance foot: x
 ahead, in the direction in which it looks, y to the left, z up. In the plane they are complex numbers x + iy, and a
-slope is a complex number, too: rise for each metre ahead (real part) and to the left (imaginary part).
+slope is a complex number, too: rise for each metre ahead (real part) and to the left (imaginary part). In names, com is
+the centre of mass and zmp the zero-moment point.
 """
 
 import cmath

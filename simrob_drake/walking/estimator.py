@@ -3,7 +3,8 @@
 The feet form two groups that stand and swing in turn: 0 on the right, 1 on the left. The stance foot is the middle of
 the group that stands; a pair is a group of two feet. Feet have flat soles, or are balls that roll. Poses of soles are
 matrices of shape (3, 4), given as three rows: rotation and position. The divergent component of motion is c + v / omega
-for the centre of mass c, its velocity v and the natural frequency omega of a pendulum of its height.
+for the centre of mass c, its velocity v and the natural frequency omega of a pendulum of its height. In names, com is
+the centre of mass and xi the divergent component.
 """
 
 import math
@@ -45,7 +46,7 @@ class Estimate(NamedTuple):
         heading: heading of the trunk in the world [rad].
         slope: slope of the ground under the stance foot, ahead and to the left [1].
         touches: whether the swing foot touches the ground. Of a swing pair, both feet must feel the ground if forces
-            are measured; without forces, the height of the lower one decides.
+            decide; otherwise the height of the lower one decides.
         down: whether each swing foot feels the ground. Empty if heights decide instead of forces.
         hangs: whether each stance foot does not feel the ground. Empty if heights decide instead of forces.
         origin: position of the stance foot in the world [m].

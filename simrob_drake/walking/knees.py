@@ -99,8 +99,12 @@ def knee_of(
             joint.frame_on_child().CalcPoseInWorld(context).rotation() @ joint.revolute_axis()
         )
 
+    def from_hip_to_tip() -> Vector:
+        """Vector from the first joint to the tip of the foot in the world [m]."""
+        return end() - origin(joints[0])
+
     # The knee is the joint that changes the distance from the hip to the foot most.
-    folds = [_find_fold(context, joint, lambda: end() - origin(joints[0])) for joint in joints]
+    folds = [_find_fold(context, joint, from_hip_to_tip) for joint in joints]
     knee = int(np.argmax([fold for _, fold in folds]))
 
     # Thigh and shank are measured between parallel axes: joints across the knee do not fold the leg.
@@ -115,7 +119,7 @@ def knee_of(
     )
 
     def from_above_to_below() -> Vector:
-        """Vector from the parallel joint above the knee to that below, or to the tip of the foot [m]."""
+        """Vector in the world from the parallel joint above the knee to that below, or to the tip of the foot [m]."""
         lower_end = origin(below) if below else end()
         return lower_end - origin(above)
 

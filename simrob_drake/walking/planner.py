@@ -15,6 +15,9 @@ both feet stand. Then the swing foot lifts. The share of its swing is the elapse
 A step hurries if its foot lifts at once, without a transfer. A robot braces if it stands on both feet until an error is
 over. Errors within the deadband are not answered. Heights of the swing foot consist of the height of the ground that
 is expected below it, and of its lift above that.
+
+In names, com is the centre of mass, zmp the zero-moment point, and dcm the divergent component. So is xi: that of the
+estimate is measured, any other is a reference.
 """
 
 import cmath
@@ -172,7 +175,8 @@ class WalkPlanner:
             offset = stride.corrections.com_offset
             estimate = estimate._replace(com=estimate.com - offset, xi=estimate.xi - offset)
 
-        # The landing first, as the divergent component depends on it; then the feet and the trunk follow.
+        # The landing first, as the divergent component depends on it; then the feet and the trunk follow. `before`
+        # still has the swing foot of the last sample, and `now` that of this one.
         before, xi = self._plan_step(stride, command, omega, estimate)
         now, lift = self._move_swing_foot(before, estimate)
         if estimate is not None:
@@ -383,7 +387,7 @@ class WalkPlanner:
         # Soles bring the zero-moment point beyond the error, which then grows more slowly.
         shift = _clamp_parts(feedback.zmp_gain * error, feedback.zmp_limit)
         state = DivergentComponent(
-            xi=desired + error,
+            xi=desired + error,  # as measured, but for the deadband
             omega=support.omega,
             now=support.time,
             lift_off=support.transfer,

@@ -13,7 +13,8 @@ time D, and then stays there. The end of the step therefore decides where :math:
 
 Positions are complex numbers [m], measured from the stance foot: the real part ahead, the imaginary part to the left.
 A multiplication by exp(i a) turns a position by the angle a to the left. The foot that stands has the index `standing`,
-the foot that moves the index `swinging`: 0 is the right one, 1 the left one. A foot may be a group of feet.
+the foot that moves the index `swinging`: 0 is the right one, 1 the left one. A foot may be a group of feet. In names,
+dcm or xi is the divergent component of motion, and zmp the zero-moment point.
 """
 
 from __future__ import annotations

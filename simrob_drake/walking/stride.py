@@ -1,7 +1,8 @@
 """State of a walk from one sample to the next.
 
 All positions are in the plane of the floor, as complex numbers [m]: the real part is ahead, the imaginary part to the
-left. They are measured from the stance foot, in the direction in which the stance foot looks.
+left. They are measured from the stance foot, in the direction in which the stance foot looks. In names, com is the
+centre of mass and zmp the zero-moment point. A foot may be a group of feet; its position is that of the group's middle.
 """
 
 from __future__ import annotations
