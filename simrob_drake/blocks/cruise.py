@@ -146,17 +146,21 @@ def cruise(
         jerk = min(jerk, acceleration / _SHORTEST_RAMP)
 
     # The speed a² / j. The ramp to this speed reaches the acceleration for an instant only. Below it, the ramp has no
-    # middle part.
-    bend = acceleration**2 / jerk
+    # middle part, and its acceleration stays lower.
+    speed_of_full_ramp = acceleration**2 / jerk
     # Speed v without a constant part. With a middle part, v (v / a + a / j) = L; without it, v (2 sqrt(v / j)) = L.
-    speed_that_fits = (np.sqrt(bend**2 + 4 * acceleration * length) - bend) / 2
-    if speed_that_fits < bend:
+    speed_that_fits = (
+        np.sqrt(speed_of_full_ramp**2 + 4 * acceleration * length) - speed_of_full_ramp
+    ) / 2
+    if speed_that_fits < speed_of_full_ramp:
         speed_that_fits = (length**2 * jerk / 4) ** (1 / 3)
     top_speed = min(speed, speed_that_fits)
 
     # Time in which the acceleration rises [s].
     rise = min(acceleration / jerk, np.sqrt(top_speed / jerk))
+    # A trapezoid has no rise, and an infinite jerk, whose product with it would be no number.
     top_acceleration = acceleration if rise == 0 else jerk * rise
+    # The acceleration rises, stays and falls; braking is the same with the other sign.
     ramp = [
         _Phase(duration=rise, acceleration=0.0, jerk=jerk),
         _Phase(
@@ -164,6 +168,7 @@ def cruise(
         ),
         _Phase(duration=rise, acceleration=top_acceleration, jerk=-jerk),
     ]
+    # T = L / v + T_r has two ramps of T_r, which leaves L / v - T_r between them.
     constant_time = length / top_speed - (rise + top_speed / top_acceleration)
     constant = _Phase(duration=constant_time, acceleration=0.0, jerk=0.0)
     braking = [_Phase(phase.duration, -phase.acceleration, -phase.jerk) for phase in ramp]

@@ -236,6 +236,7 @@ def add_admittance(
     identity = np.eye(len(gains.kp))
     kp = np.diag(gains.kp)
     kd = np.diag(gains.kd)
+    # Factors of the ports in dx/dt / K_t. The state has two parts, positions and velocities, so it has two factors.
     ports = [model, signals.reference, signals.state]
     columns = [identity, -kp, kp, kd]
     if signals.reference_velocity is not None:

@@ -51,6 +51,11 @@ class Trigger:
     after: float = 0.0
 
     def __post_init__(self) -> None:
+        """Check the times.
+
+        Raises:
+            InvalidParameter: a time is negative or not finite.
+        """
         for name, value in (("hold", self.hold), ("after", self.after)):
             if not (np.isfinite(value) and value >= 0):
                 raise InvalidParameter(

@@ -327,6 +327,7 @@ class TrajectoryReference(ReferenceSignal):
     def as_sine(self) -> SineReference | None:
         """A sine without amplitude if the trajectory stands still. Returns None if it moves."""
         start, end = self.span
+        # A constant has infinite ends, and the same position there.
         position = self.values(np.array([start]))[0]
         if np.isfinite([start, end]).all():
             # A motion to and fro ends where it began, so the samples in between count, too.

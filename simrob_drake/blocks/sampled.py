@@ -313,6 +313,9 @@ class SampledBlock(Block):
 
         Returns:
             the status with which Drake ends the run if the sample raises :class:`RunEnds`, otherwise None.
+
+        Raises:
+            BlockFails: the block cannot go on.
         """
         if self._stage is not None:
             stage = context.get_discrete_state(self._stage).value()[0]

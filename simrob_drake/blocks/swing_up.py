@@ -41,9 +41,10 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.robots.axis_map import AxisMap
 
 _ANGLE_STEP = 1e-5
-"""Step of the central differences of weights [rad or m]: their error is 1e-10 of the weight, and rounding 1e-11."""
+"""Step of the central differences of holding torques [rad or m]: their error is 1e-10 of the torque, and rounding
+1e-11."""
 _BALANCED = 1e-6
-"""Largest share of the robot's weights that may act on the passive axis in an equilibrium."""
+"""Largest share of the torques that hold the robot which may be needed on the passive axis in an equilibrium."""
 _LEAST_SPEED = 0.05
 """Speed [rad/s or m/s] that a slower passive axis is taken to have, so that the law moves a robot that hangs still."""
 _RELEASE = 2.0
@@ -138,11 +139,15 @@ class AxisDynamics:
         return float(self._plant.CalcPotentialEnergy(self._context))
 
     def weights(self, positions: Vector) -> Vector:
-        """Compute the torques (n,) [N·m or N] that hold the robot at rest at positions (n,)."""
+        """Compute the torques (n,) [N·m or N] that hold the robot at positions (n,), against gravity and springs."""
         return self.terms(positions, np.zeros(len(positions))).bias
 
     def stiffness(self, positions: Vector) -> Vector:
-        """Compute the derivatives of the weights by the positions (n,): shape (n, n) [N·m/rad or N/m]."""
+        """Compute the derivatives of the holding torques (:meth:`weights`) by the positions (n,).
+
+        Returns:
+            the derivatives, shape (n, n) [N·m/rad or N/m]: one row for each torque, one column for each position.
+        """
         # dh/dq_j = (h(q + e_j) - h(q - e_j)) / (2 eps) at rest: one column for each position.
         columns = []
         for step in _ANGLE_STEP * np.eye(len(positions)):
@@ -203,7 +208,7 @@ def balance_regulator(
         dynamics: the robot.
         driven: whether each axis has a motor, shape (n,).
         upright: posture to be balanced, shape (n,) [rad or m].
-        weights: weights of the cost.
+        weights: weights of the cost that the regulator minimises.
         key: name of the posture, for errors.
 
     Returns:
@@ -217,7 +222,7 @@ def balance_regulator(
     holding = dynamics.weights(upright)
     stiffness = dynamics.stiffness(upright)
     passive_weight = float(np.abs(holding[~driven]).max(initial=0.0))
-    # The scale of the weights: those of an upright posture may all be zero, their derivatives are not.
+    # The scale of the holding torques: those of an upright posture may all be zero, their derivatives are not.
     most = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
     if passive_weight > _BALANCED * most:
         expected = message(
@@ -227,7 +232,7 @@ def balance_regulator(
         )
         raise InvalidParameter(key, quote_value(upright), expected)
 
-    # The linear model x' = A x + B (u - u*): M q'' = -K q - D q' + u, with the derivatives K of the weights.
+    # The linear model x' = A x + B (u - u*): M q'' = -K q - D q' + u, with the stiffness K.
     count = len(upright)
     mass = dynamics.terms(upright, np.zeros(count)).mass
     accelerations = np.linalg.solve(mass, np.hstack([-stiffness, -np.diag(dynamics.damping)]))

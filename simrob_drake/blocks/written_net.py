@@ -251,7 +251,7 @@ class WrittenNet:
         known_count: int,
         value_count: int,
     ) -> None:
-        """Write the function ``outputs``, see the class.
+        """Write the function ``outputs``, which computes the outputs of all blocks, as the class describes it.
 
         Args:
             order: indices of the blocks in the order of their computation.
@@ -267,7 +267,11 @@ class WrittenNet:
         self._end(f"v{index}" for index in range(known_count, value_count))
 
     def _write_rates_function(self, value_count: int) -> None:
-        """Write the function ``rates``, see the class, for a count of all values."""
+        """Write the function ``rates``, which computes the derivatives of the continuous states.
+
+        Args:
+            value_count: count of all values.
+        """
         self._begin(f"{RATES}(v, x)", v=value_count, x=len(self.continuous))
         # Here all outputs are known, so the blocks may be in any order: that of the states.
         rates = list[str]()
@@ -277,7 +281,11 @@ class WrittenNet:
         self._end(rates)
 
     def _write_sample_function(self, value_count: int) -> None:
-        """Write the function ``sample``, see the class, for a count of all values."""
+        """Write the function ``sample``, which computes what sampled blocks hold after a sample.
+
+        Args:
+            value_count: count of all values.
+        """
         self._begin(f"{SAMPLE}(v, h, n)", v=value_count, h=len(self.sampled))
         for number, steps in self._every.items():
             self._write(number, f"if n % {steps} == 0:")

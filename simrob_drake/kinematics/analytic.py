@@ -269,6 +269,8 @@ class AnalyticSolver(Solver):
     ) -> Solutions:
         """Clamp the chosen postures to the limits, remove small errors by numeric search, and check the targets.
 
+        A warning names the axes that reach a target only beyond a rounded limit; the target counts as reached.
+
         Args:
             targets: poses of the tool, shape (k, 4, 4).
             chosen: the chosen posture for each target, shape (k, n) [rad].

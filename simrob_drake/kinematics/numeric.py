@@ -415,7 +415,8 @@ def settle_at_limits(
     """Accept targets that are out of reach only because limits are rounded. Changes ``postures`` and ``errors``.
 
     A target is accepted if a posture reaches it that is beyond the limits by at most the tolerance for rounding. The
-    posture is then clamped to the limits, so that the tool misses the target slightly.
+    posture is then clamped to the limits, so that the tool misses the target slightly. A warning (``ClampedPosition``)
+    names the axes that were beyond their limits by more than arithmetic rounding.
 
     Args:
         chain: the axes, with their limits.
@@ -432,7 +433,7 @@ def settle_at_limits(
     fit = fit_beyond_limits(chain, targets, postures, weights=weights, tolerance=tolerance)
     is_accepted = np.asarray(within(fit.errors, weights, tolerance))
     if is_accepted.any():
-        # The clamping names "inverse kinematics" in its warning that an axis was beyond its limit.
+        # The second argument names the positions in the warning.
         clamped = chain.limits.clamp(
             fit.postures[is_accepted],
             message("kinematics.inverse_kinematics", "inverse kinematics"),
@@ -556,7 +557,10 @@ class NumericSolver(Solver):
         )
 
     def _accept_at_limits(self, fit: Fit, missing: Indices, targets: Vector) -> Flags:
-        """Accept targets that are out of reach only because limits are rounded, see :func:`settle_at_limits`.
+        """Accept targets that are out of reach only because limits are rounded, with a warning.
+
+        They are those that a posture beyond the limits by the tolerance for rounding reaches. The posture is clamped to
+        the limits.
 
         Args:
             fit: the best postures so far for the k targets. Those of accepted targets are changed.

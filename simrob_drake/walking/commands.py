@@ -423,7 +423,8 @@ class Commander:
 
         Args:
             time: time since the run began [s].
-            hand: stored command of a user, shape (4,), which has no effect at time zero.
+            hand: stored command of a user, shape (4,): 1, then speed ahead and to the left [m/s] and turning speed
+                [rad/s]; all zero if no user steers. It has no effect at time zero.
             by_port: value of the input port, shape (3,): speed ahead and to the left [m/s], turning speed [rad/s]. It
                 is None without such a port, and not finite if the port has no command.
             base: pose of the root x y z [m] qw qx qy qz, shape (7,).

@@ -161,7 +161,8 @@ class WalkingEngine:
             yaw=trunk.heading,
         )
 
-        # The root is where the centre of mass is over its reference. The trunk's rotation turns the vector between.
+        # The root is where the centre of mass is over its reference, at the height of the walk. The trunk's rotation
+        # turns the vector from the root to the centre of mass.
         com_x = sum(map(mul, trunk_rotation[0], com_from_root))
         com_y = sum(map(mul, trunk_rotation[1], com_from_root))
         root = (
@@ -173,7 +174,7 @@ class WalkingEngine:
         standing, swinging = self._group_poses(stride, lift)
         stance_feet = self._foot_poses(standing, stride.ground.slope, root)
         swing_feet = self._foot_poses(swinging, stride.ground.slope, root)
-        # The body counts the right feet first.
+        # The body takes the right group of feet (0) first.
         right_stands = stride.step.sides[0] == 0
         feet = [*stance_feet, *swing_feet] if right_stands else [*swing_feet, *stance_feet]
         return self.body.solve_posture(trunk_rotation, np.array(feet), rounds)

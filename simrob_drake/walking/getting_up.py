@@ -54,8 +54,9 @@ def load_getting_up(model: RobotModel) -> GettingUp:
     """Load the postures with which a robot gets up.
 
     Raises:
-        Unsuitable: the robot's ``gaits.yaml`` has no section for it.
-        SimrobError: the section has an invalid entry.
+        InvalidParameter: the robot has no file ``gaits.yaml``.
+        Unsuitable: the file has no section for it.
+        InvalidConfig: the file cannot be read, or the section has an invalid entry.
     """
     gaits = gaits_file(model)
     section = gaits.section(GETTING_UP)
