@@ -85,10 +85,10 @@ def set_friction(
     .. math:: \tau = -c \,\mathrm{sat}(v / v_s), \qquad \mathrm{sat}(x) = \max(-1, \min(1, x))
 
     This is the law of a servo that holds the joint at rest without stiffness, with the damping :math:`c / v_s` and the
-    effort limit c. So each joint gets a further actuator, in addition to the motor's, from which it takes over the rotor
-    inertia. Every scheme of Drake treats it
-    alike, and the implicit schemes need no small steps for it. Static friction is not larger than sliding friction, and
-    a load below c moves the joint by at most :math:`v_s`.
+    effort limit c. So each joint gets a further actuator. If it has a motor, the rotor inertia of the motor's actuator
+    moves to the further one. Every scheme of Drake treats the law alike, and the implicit schemes need no small steps
+    for it. Static friction is not larger than sliding friction, and a load below c moves the joint by at most
+    :math:`v_s`.
 
     The caller must connect the desired state of the model instance, which then contains the further actuators.
 

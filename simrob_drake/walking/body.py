@@ -276,9 +276,8 @@ class Body:
 
         self._tips = list[Vector]()  # middle of the sole in the foot's link, shape (3,) [m]
         self._soles = list[RigidTransform]()  # pose of the sole in the foot's link
-        self._corners = list[
-            list[list[float]]
-        ]()  # corners of the sole in the frame of the sole [m]
+        # corners of each sole, x y z in the frame of the sole [m]
+        self._corners = list[list[list[float]]]()
         self.homes = list[Vector]()
         self.ball_radius = 0.0
         for link, index in zip(links, self._feet, strict=True):
