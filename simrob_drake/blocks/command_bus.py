@@ -53,7 +53,10 @@ class CommandBus(SampledBlock):
         self._resolution = resolution
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the commands that enter the bus at this sample, by output. Only positions are rounded."""
+        """Compute the commands that enter the bus at this sample, by output. Only positions are rounded.
+
+        They leave the bus d samples later: the base class delays the outputs.
+        """
         changes = {name: read[name] for name in self.outputs}
         changes["reference"] = round_to_resolution(read["reference"], self._resolution)
         return changes

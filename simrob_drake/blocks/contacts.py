@@ -184,7 +184,8 @@ class ContactReader(Block):
     def __init__(self) -> None:
         super().__init__()
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
-        # `Contacts` is a class of Python, so the port carries it as a Python object.
+        # `Contacts` is a class of Python, so the port carries it as a Python object. Drake keeps the callback of a
+        # port, which holds the block weakly, as the block would otherwise never be freed.
         self.DeclareAbstractOutputPort("contacts", Value[object], weakly(self._read))
 
     def _read(self, context: Context, output: AbstractValue) -> None:

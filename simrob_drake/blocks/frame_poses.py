@@ -48,6 +48,7 @@ class FramePoses(Block):
         for name in frames:
             # Drake computes the pose of an anchored frame only once.
             prerequisite = state_ticket if name in self._moving else self.nothing_ticket()
+            # Drake keeps the callback, which holds the block weakly, as it would otherwise never be freed.
             calc = partial(weakly(self._calc_pose), name)
             self.DeclareVectorOutputPort(name, len(XYZ_QUATERNION_NAMES), calc, {prerequisite})
 

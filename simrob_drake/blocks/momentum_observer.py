@@ -85,6 +85,7 @@ class MomentumObserver(Block):
         self._torque = self.DeclareVectorInputPort("torque", count)
         # r, p and the known torque of the last sample; infinite before the first one.
         self._memory = self.DeclareDiscreteState(np.full(3 * count, np.inf))
+        # Drake keeps the callbacks of ports. They hold the block weakly, as it would otherwise never be freed.
         self.DeclareVectorOutputPort("external_torque", count, weakly(self._calc_torque))
         if tool is not None:
             self.DeclareVectorOutputPort("external_force", 3, weakly(self._calc_force))

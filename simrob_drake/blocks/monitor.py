@@ -124,6 +124,7 @@ class Monitor(Block):
         ]
         # A discrete state, and no attribute of Python: a copied or restored context contains it.
         self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
+        # Drake keeps the callback of a port, which holds the block weakly, as it would otherwise never be freed.
         self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
         # Drake publishes at the end of a step, but updates discrete states at the start of the next one. So `_watch`
         # computes the onset of its moment, which is not in the state yet.

@@ -1,8 +1,8 @@
 r"""Joint servos from Drake's primitives: PID with a clamped integrator, and saturation.
 
 A servo controls the position of one axis of a robot, by the torque of its motor. A passive axis has no motor. For a
-prismatic joint, read force for torque. The signals that the servos of some joints read are stacked in one vector, the
-bus.
+prismatic joint, read force for torque. The signals that a group of servos reads are stacked in one vector, the bus:
+references, positions, velocities, then reference velocities and feedforward if they are wired (connected).
 
 The law of each joint is that of the Simulink stations (subsystem ``ABB_irb120_qLC``), with an optional integral part:
 
@@ -78,7 +78,7 @@ from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 
 AT_LIMIT = 0.999
-"""A motor is at its limit if it takes at least this share of what it can give, see `ServoGains.torque_shares`."""
+"""A motor is at its limit if it takes at least this share of what it can give (`ServoGains.torque_shares`)."""
 NO_TORQUE = 1e-6
 """Torque below which a passive axis rests by itself [N·m or N]: rounding of sums of weights."""
 CLAMP_TIME = 0.02
@@ -500,7 +500,7 @@ def _add_group(
 
     Args:
         builder: builder of the diagram.
-        bus: signals of the group, see `_add_selector`.
+        bus: signals of the group, in the order that the module names.
         gains: gains and limits of all servos.
         group: indices of the joints among these servos.
         signals: signals of all joints, which define what the bus contains.
@@ -541,7 +541,7 @@ def _bus_matrix(
     reference_velocity: Vector,
     feedforward: Vector,
 ) -> Vector:
-    """Put together a matrix (n, size of the bus) that multiplies the bus of a group, see `_add_selector`.
+    """Put together a matrix (n, size of the bus) that multiplies the bus of a group of n joints.
 
     Args:
         signals: signals of all joints. Reference velocity and feedforward are left out if they are not wired.
@@ -589,7 +589,7 @@ def _add_cascade(
 
     Args:
         builder: builder of the diagram.
-        bus: signals of the group, see `_add_selector`.
+        bus: signals of the group, in the order that the module names.
         gains: gains and limits of all servos, with a speed limit.
         group: indices of the joints among these servos.
         signals: signals of all joints, which define what the bus contains.

@@ -159,7 +159,7 @@ def _symbolic_net(
         wired: the blocks.
         measured: count of measured values.
         order: indices of the blocks in the order of their computation.
-        integrated: whether the diagram has continuous states, so that the system needs one, see `signal_net`.
+        integrated: whether the diagram has continuous states, so that the system needs one, too.
     """
     time = Variable("t")
     zero = Expression(0.0)
@@ -256,7 +256,10 @@ class _NetStates(NamedTuple):
 
 
 class SignalNet(Block):
-    """Compute a net of blocks by Python source that is written for it, see `WrittenNet`.
+    """Compute a net of blocks by Python source that a `WrittenNet` writes and compiles for it.
+
+    The source has three functions: ``outputs`` of the blocks, ``rates``, the derivatives of the continuous states, and
+    ``sample``, what sampled blocks hold after a sample.
 
     Continuous blocks share the station's integration. Sampled blocks, whose periods are multiples of a common step,
     sample together, each with the outputs of the blocks before it at that very time, and hold their outputs in between.
@@ -313,11 +316,11 @@ class SignalNet(Block):
         return _NetStates(continuous, sample=sample, held=held)
 
     def _compute(self, function: str, *arguments: Any) -> list[float]:
-        """Call a function of the net, see `WrittenNet`.
+        """Call a function of the net's source.
 
         Args:
-            function: name of the function.
-            *arguments: its arguments.
+            function: name of the function: ``outputs``, ``rates`` or ``sample``.
+            *arguments: its arguments: values of the net, states, and the number of the sample.
 
         Returns:
             the numbers that the function returns.
@@ -344,7 +347,7 @@ class SignalNet(Block):
         return computed
 
     def _calc_values(self, context: Context, output: BasicVector) -> None:
-        """Compute the outputs of all blocks. Sampled blocks give what they hold."""
+        """Compute the outputs of all blocks. Sampled blocks give what they hold, as no sample is taken here."""
         states = self._states(context)
         known = self._known_values(context)
         no_sample = None

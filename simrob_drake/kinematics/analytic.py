@@ -164,8 +164,9 @@ class AnalyticSolver(Solver):
             allowed: indices of the b wanted postures among the eight.
 
         Returns:
-            the closed form with all eight postures; the wanted postures in axis order, shape (k, b, n) [rad]; and the
-            distance of each of their axes beyond its limits, shape (k, b, n) [rad].
+            the closed form with all eight postures, how far each is out of reach [m], and whether a target leaves an
+            axis free (`is_singular`); the wanted postures in axis order, shape (k, b, n) [rad]; and the distance of
+            each of their axes beyond its limits, shape (k, b, n) [rad].
         """
         form = all_postures(self.arm, targets, starts[:, self._order])
         # Axes that do not move the tool, such as fingers, stay as in the start.
@@ -177,7 +178,7 @@ class AnalyticSolver(Solver):
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Choose the posture of each target that is closest to the target's own start.
 
-        Postures that reach the target within the limits come before all others, see :meth:`_penalty`.
+        Postures that reach the target within the limits come before all others, by penalties.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).
@@ -200,7 +201,7 @@ class AnalyticSolver(Solver):
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
         """Choose the posture of each target that is closest to the posture of the target before.
 
-        Postures that reach the target within the limits come before all others, see :meth:`_penalty`.
+        Postures that reach the target within the limits come before all others, by penalties.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).

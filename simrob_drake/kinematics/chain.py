@@ -102,8 +102,8 @@ class Screws:
     def frames(self, postures: Vector, base: Vector = IDENTITY) -> Vector:
         """Compute how the bodies move from their poses at zero.
 
-        The motions of all joints are exp(Sq) = A + sin(q) B + (1 - cos(q)) C, see :attr:`_exponentials`. They are
-        multiplied from the base outward.
+        The motion of a joint is exp(Sq) = A + sin(q) B + (1 - cos(q)) C, with constant matrices for each axis. The
+        motions are multiplied from the base outward.
 
         Args:
             postures: postures, shape (k, n) [rad or m].

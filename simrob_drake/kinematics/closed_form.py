@@ -13,7 +13,10 @@ are parallel to axis 2, so axis 1 follows from it. The rest differs:
 * With a parallel wrist, the orientation gives axes 5 and 6, and the sum of the angles of the parallel axes. This leaves
   a triangle of axes 2, 3 and 4.
 
-Each of three steps has two solutions, called shoulder, elbow and wrist; so there are eight postures. The steps are the
+Each of three steps has two solutions, called shoulder, elbow and wrist; so there are eight postures. With the right
+shoulder, the arm reaches ahead of axis 1; with the left one it is turned round and bent backwards. With the elbow up,
+axis 3 is above the line from axis 2 to the end of the forearm. The wrist is flipped if axis 5 is on the negative side
+of the position in which axes 4 and 6 are parallel. The steps are the
 subproblems of Paden and Kahan (Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3).
 
 Vectors across axis 2 are written as complex numbers: a turn about axis 2 by q is then a product with exp(iq).
@@ -53,7 +56,7 @@ the error that the solver promises."""
 BRANCHES = 8
 """Count of postures. The index of a posture is 4·shoulder + 2·elbow + wrist, each of which is 0 or 1."""
 SHOULDERS = ("right", "left")
-"""Names of the shoulders 0 and 1 of that index; see :class:`AnalyticSolver`."""
+"""Names of the shoulders 0 and 1 of that index."""
 ELBOWS = ("up", "down")
 """Names of the elbows 0 and 1 of that index."""
 WRISTS = ("no_flip", "flip")
@@ -82,7 +85,7 @@ class NoClosedForm(SimrobError):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SixAxisArm:
-    """Geometry of an arm with six revolute axes that has a closed form, see the module.
+    """Geometry of an arm with six revolute axes that has a closed form.
 
     Axis 1 need not meet axis 2 (the shoulder may be offset along the arm). The wrist centre need not lie in the plane
     of axis 1 and the arm (the shoulder may be offset across the arm, as that of the Puma). Axis 4 need not point at
@@ -198,7 +201,9 @@ class SixAxisArm:
 
     @cached_property
     def sign_of_right(self) -> float:
-        """Sign s, 1 or -1, with which axis 1 = middle + s · spread is the right shoulder; see :func:`_solve_shoulder`.
+        """Sign s, 1 or -1, with which axis 1 = middle + s · spread is the right shoulder.
+
+        These are the two solutions of :func:`_solve_shoulder` for axis 1: the same angle to both sides of a middle.
 
         With s = 1 the wrist centre is in front, on the side of axis 1 to which axis 2 × axis 1 points. An arm that is
         offset along axis 2 is then on the left, seen from axis 1 towards the wrist. So s is -1 for such an arm. An arm

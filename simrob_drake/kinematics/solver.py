@@ -100,7 +100,7 @@ class Solutions:
         reached: whether each target is reached, shape (k,).
         position_error: distance from each target, shape (k,) [m]. Directions that do not count for the solver are
             left out.
-        rotation_error: angle from each target, shape (k,) [rad], likewise.
+        rotation_error: angle from each target, shape (k,) [rad]. Directions that do not count are left out.
         iterations: count of steps for each target, shape (k,); 0 for closed forms.
         reasons: why each target is not reached, in words; empty if the target is reached.
     """

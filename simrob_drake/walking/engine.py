@@ -5,6 +5,9 @@ of the group that stands, the swing foot that of the group that moves. Positions
 ahead, in the direction in which it looks, y to the left, z up. In the plane they are complex numbers x + iy, and a
 slope is a complex number, too: rise for each metre ahead (real part) and to the left (imaginary part). In names, com is
 the centre of mass and zmp the zero-moment point.
+
+The planner moves the references of the trunk and of the feet, which a :class:`Stride` has; the inverse kinematics give
+the posture with these references.
 """
 
 import cmath

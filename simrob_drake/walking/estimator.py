@@ -4,7 +4,8 @@ The feet form two groups that stand and swing in turn: 0 on the right, 1 on the 
 the group that stands; a pair is a group of two feet. Feet have flat soles, or are balls that roll. Poses of soles are
 matrices of shape (3, 4), given as three rows: rotation and position. The divergent component of motion is c + v / omega
 for the centre of mass c, its velocity v and the natural frequency omega of a pendulum of its height. In names, com is
-the centre of mass and xi the divergent component.
+the centre of mass and xi the divergent component. The state of the walk, a :class:`Stride`, has the slope of the ground
+as far as it is known and, for a pair of stance feet, the tilt of the line between them in addition to it.
 """
 
 import math

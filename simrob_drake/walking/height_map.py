@@ -53,7 +53,7 @@ class _Window(NamedTuple):
     Attributes:
         block: the block that contains the position.
         row: index of the first cell along x in the arrays of the block. The position's cell is `_REACH` further.
-        column: index of the first cell along y, likewise.
+        column: index of the first cell along y. The position's cell is `_REACH` further.
     """
 
     block: _Block

@@ -16,6 +16,13 @@ A step hurries if its foot lifts at once, without a transfer. A robot braces if 
 over. Errors within the deadband are not answered. Heights of the swing foot consist of the height of the ground that
 is expected below it, and of its lift above that.
 
+The state of a walk, a :class:`Stride`, has six parts: the current step with the command that it follows; the pose and
+the share of the swing foot; the landing; the references of the trunk (centre of mass, zero-moment point, heading, lean
+and rise of the root); the ground, with its slope [1], the height of the ground under the swing foot in addition to the
+slope, and for pairs the tilt of the line between their feet; and corrections, which are learnt slowly. An
+:class:`Estimate` is the motion as measured. With force sensors it also has `down`, whether each foot of the swing group
+feels the ground, and `hangs`, whether each foot of the stance group does not.
+
 In names, com is the centre of mass, zmp the zero-moment point, and dcm the divergent component. So is xi: that of the
 estimate is measured, any other is a reference.
 """
@@ -548,7 +555,7 @@ class WalkPlanner:
 
         Without a map, the ground is expected to have no steps: in the first part of the swing (`_height_part`), the
         height under the foot goes to that of the stance foot, and then stays there. With a slope, these are the heights
-        in addition to the slope, see :class:`Ground`.
+        in addition to the slope.
 
         Args:
             stride: state of the walk, with the swing of the last sample.

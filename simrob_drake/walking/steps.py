@@ -57,7 +57,7 @@ class Weights(NamedTuple):
 
 
 def weights(omega: float, time: float, transfer: float) -> Weights:
-    """Compute the weights of a step, see the equations of the module.
+    """Compute the weights of the rest of a step in its divergent component, by the equations of the module.
 
     Args:
         omega: natural frequency of the pendulum [1/s].
@@ -279,7 +279,7 @@ class Steps:
     def dcm_at_landing(self, standing: int, command: Command, omega: float) -> LandingCondition:
         """Compute the condition on the divergent component at the end of the present step.
 
-        The condition is linear in the foothold, see :class:`LandingCondition`.
+        The condition is linear in the foothold u: the divergent component is (1 - start) u + offset.
 
         Args:
             standing: index of the stance foot of the present step.

@@ -231,7 +231,7 @@ def progress_since(before: float, now: float, peak: float = SOFTEST) -> float:
     Args:
         before: share of the duration at the last sample. Values above 1 count as 1.
         now: share of the duration at this sample. Values above 1 count as 1.
-        peak: largest speed over the mean speed, see :func:`smoothstep`.
+        peak: largest speed over the mean speed, from 1.5 for the most even motion to 1.875 for the softest one.
 
     Returns:
         The part, from 0 to 1.
