@@ -183,7 +183,11 @@ def _check_limits(
 ) -> None:
     """Check that none of the limits alone makes a motion over a length last too long.
 
-    The arguments are those of :func:`cruise`: length, and largest speed, acceleration and jerk, or None for no jerk.
+    Args:
+        length: length of the path, positive [rad or m, or 1 for parts of a path].
+        speed: largest speed [1/s].
+        acceleration: largest acceleration [1/s²].
+        jerk: largest jerk [1/s³], or None if it follows from the acceleration and needs no check.
 
     Raises:
         InvalidParameter: the motion would last longer than times may be.

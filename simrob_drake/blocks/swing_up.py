@@ -41,10 +41,10 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.robots.axis_map import AxisMap
 
 _ANGLE_STEP = 1e-5
-"""Step of the central differences of holding torques [rad or m]: their error is 1e-10 of the torque, and rounding
-1e-11."""
+"""Step of the central differences of holding torques [rad or m]: their error is 1e-10 of these torques, and that of
+rounding 1e-11."""
 _BALANCED = 1e-6
-"""Largest share of the torques that hold the robot which may be needed on the passive axis in an equilibrium."""
+"""Largest torque on the passive axis in an equilibrium, as a share of the largest holding torque or stiffness."""
 _LEAST_SPEED = 0.05
 """Speed [rad/s or m/s] that a slower passive axis is taken to have, so that the law moves a robot that hangs still."""
 _RELEASE = 2.0

@@ -270,7 +270,7 @@ class AnalyticSolver(Solver):
     ) -> Solutions:
         """Clamp the chosen postures to the limits, remove small errors by numeric search, and check the targets.
 
-        A warning names the axes that reach a target only beyond a rounded limit; the target counts as reached.
+        A target that is reached only beyond a rounded limit counts as reached, with a warning that names the axis.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).

@@ -89,7 +89,7 @@ class IncrementalSolver(Solver):
 
         For a target that turns the tool by more than the limit, the tool only goes to its position. The error of
         rotation is left, so such a target counts as not reached, unless the limit is 0: then rotations are no errors.
-        A warning names the axes that reach a target only beyond a rounded limit of theirs; it counts as reached.
+        A target that is reached only beyond a rounded limit counts as reached, with a warning that names the axis.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).

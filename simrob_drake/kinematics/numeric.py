@@ -213,7 +213,7 @@ def fit_postures(
             this distance, and which have it at the start.
 
     Returns:
-        the postures at which the searches end, one for each target, whether or not they reach it.
+        the postures at which the searches end, whether or not they reach their targets.
     """
     # An axis with a small range would hardly move if it kept the distance on both sides.
     kept_distance = np.where(chain.upper - chain.lower > 4 * room, room, 0.0)
