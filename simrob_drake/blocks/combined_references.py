@@ -2,8 +2,8 @@
 
 A reference gives the desired positions of axes as a function of time: a trajectory of Drake, or a sine (its centre,
 amplitude, frequency and phase for each axis). A trajectory stands still before its start and after its end, and a
-constant has infinite ends. Axes that a coupling ties together, such as those of a gear, need a
-combination of the references of other axes.
+constant has infinite ends. Axes that a coupling ties together, such as those of a gear, need a combination of the
+references of other axes.
 """
 
 from collections.abc import Sequence

@@ -583,6 +583,8 @@ def hermite(
     # the two inner ones of each cubic, and the two ends of the whole: two points for each sample.
     thirds = np.diff(breaks)[:, np.newaxis] / 3
     points = np.repeat(samples, 2, axis=0)
+    # Of the two points of a sample, the second one (odd index) belongs to the cubic after it, and the first one (even
+    # index) to the cubic before it. The first and the last point are the ends themselves.
     points[1:-1:2] += thirds * rates[:-1]
     points[2::2] -= thirds * rates[1:]
     # A knot that occurs twice keeps the velocity continuous; those at the ends have to occur four times.

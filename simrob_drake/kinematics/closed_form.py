@@ -16,10 +16,9 @@ are parallel to axis 2, so axis 1 follows from it. The rest differs:
 Each of three steps has two solutions, called shoulder, elbow and wrist; so there are eight postures. With the right
 shoulder, the upper arm is on the right of axis 1, seen from axis 1 towards the wrist, or, if it has no offset to a
 side, the wrist is on the same side of axis 1 as at zero; with the left one, the arm is turned round and bent backwards.
-With the elbow up,
-axis 3 is above the line from axis 2 to the end of the forearm. The wrist is flipped if axis 5 is on the negative side
-of the position in which axes 4 and 6 are parallel. The steps are the
-subproblems of Paden and Kahan (Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3).
+With the elbow up, axis 3 is above the line from axis 2 to the end of the forearm. The wrist is flipped if axis 5 is on
+the negative side of the position in which axes 4 and 6 are parallel. The steps are the subproblems of Paden and Kahan
+(Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3).
 
 Vectors across axis 2 are written as complex numbers: a turn about axis 2 by q is then a product with exp(iq).
 

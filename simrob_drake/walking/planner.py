@@ -299,11 +299,8 @@ class WalkPlanner:
         if not stride.step.active:
             stride = self._start_if_needed(stride, command, estimate)
         if not stride.step.active:
-            # the divergent component of a robot that stands is at rest
-            return (
-                stride,
-                stride.trunk.zmp,
-            )
+            # The divergent component of a robot that stands is at rest, at the zero-moment point.
+            return stride, stride.trunk.zmp
 
         if estimate is not None and self._can_turn:
             stride = self._hold_heading(stride, command, estimate)
