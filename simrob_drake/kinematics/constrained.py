@@ -356,6 +356,7 @@ class _Program:
         # The bounds of a joint are a condition on one variable; all other goals depend on the whole posture.
         q = self._ik.q()
         if isinstance(goal, JointBounds):
+            # A list of one index keeps an array, of one variable.
             q = q[self._axes.position_places[[self._chain.axis_index(goal.axis)]]]
         weights = goal.weights(constraint.num_constraints())
         if weights is not None:

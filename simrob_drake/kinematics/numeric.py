@@ -559,8 +559,8 @@ class NumericSolver(Solver):
     def _accept_at_limits(self, fit: Fit, missing: Indices, targets: Vector) -> Flags:
         """Accept targets that are out of reach only because limits are rounded, with a warning.
 
-        They are those that a posture beyond the limits by the tolerance for rounding reaches. The posture is clamped to
-        the limits.
+        A posture that is beyond the limits by at most the tolerance for rounding reaches such a target. This posture,
+        clamped to the limits, becomes the result.
 
         Args:
             fit: the best postures so far for the k targets. Those of accepted targets are changed.

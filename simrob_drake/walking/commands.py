@@ -90,7 +90,10 @@ class Waypoints(Strict):
 
     @property
     def corners(self) -> list[complex]:
-        """Points of the path as complex numbers, in order, repeated for each lap [m]."""
+        """Points of the path as complex numbers, in order [m].
+
+        With laps, they are repeated for each lap, and the first one follows once more at the end.
+        """
         once = [complex(*point) for point in self.points]
         if self.laps is None:
             return once

@@ -509,7 +509,7 @@ class WalkPlanner:
     def _move_swing_foot(self, stride: Stride, estimate: Estimate | None) -> tuple[Stride, float]:
         """Move the swing foot and the ground below it towards the landing, and turn the trunk.
 
-        Nothing moves while the robot stands, and before the weight has been transferred.
+        Nothing moves while the robot stands, before the weight has been transferred, or if no time is left for a swing.
 
         Args:
             stride: state of the walk, with the landing of the step.
