@@ -32,8 +32,7 @@ class Block(LeafSystem):
             f"{type(self).__name__} has continuous state, but no method for its derivatives"
         )
 
-    # Only where Drake searches: in an older version, the call of this method costs more than its
-    # absence.
+    # Only where Drake searches: in an older version, the call of this method costs more than its absence.
     if SEARCH_FOR_DERIVATIVES.is_there:
         DoCalcTimeDerivatives = _no_derivatives
 
@@ -62,9 +61,16 @@ def add_and_connect(
 
 
 def add_multiplexer(builder: DiagramBuilder, name: str, *ports: OutputPort) -> OutputPort:
-    """Stack ports into one vector, in their order. A single port is returned itself, without a block."""
-    # A solver evaluates every block at every stage of a step, so a block that only copies is left
-    # out.
+    """Add a block that stacks ports into one vector, in their order, and return its output port.
+
+    A single port is returned itself, without a block.
+
+    Args:
+        builder: builder of the diagram.
+        name: name of the block.
+        *ports: output ports of other blocks.
+    """
+    # A solver evaluates every block at every stage of a step, so a block that only copies is left out.
     if len(ports) == 1:
         return ports[0]
     sizes = [port.size() for port in ports]
@@ -72,7 +78,7 @@ def add_multiplexer(builder: DiagramBuilder, name: str, *ports: OutputPort) -> O
 
 
 def add_sum(builder: DiagramBuilder, name: str, *ports: OutputPort) -> OutputPort:
-    """Add up ports of equal size. A single port is returned itself, without a block."""
+    """Add a block that sums ports of equal size, and return its output port. A single port is returned itself."""
     if len(ports) == 1:
         return ports[0]
     return add_and_connect(builder, name, Adder(len(ports), ports[0].size()), *ports)
@@ -84,9 +90,11 @@ def add_matrix_gain(
     matrix: Vector,
     port: OutputPort,
 ) -> OutputPort:
-    """Multiply a port (n) by a matrix (m, n). For the identity, the port is returned itself, without a block."""
-    # The comparison is exact: a matrix that differs from the identity by rounding changes the last
-    # bits.
+    """Add a block that multiplies a port of size n by a matrix (m, n), and return its output port, of size m.
+
+    For the identity, the port is returned itself, without a block.
+    """
+    # The comparison is exact: a matrix that differs from the identity by rounding changes the last bits.
     is_square = matrix.shape[0] == matrix.shape[1]
     if is_square and (matrix == np.eye(len(matrix))).all():
         return port

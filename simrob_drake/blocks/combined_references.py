@@ -1,8 +1,9 @@
 """Linear combinations of references: of polynomials and of sines exactly, of others by samples.
 
 A reference gives the desired positions of axes as a function of time: a trajectory of Drake, or a sine (its centre,
-amplitude, frequency and phase for each axis). Axes that a coupling ties together, such as those of a gear, need a
-combination of the references of other axes.
+amplitude, frequency and phase for each axis). A trajectory stands still before its start and after its end, and a
+constant has infinite ends. Axes that a coupling ties together, such as those of a gear, need a combination of the
+references of other axes.
 """
 
 from collections.abc import Sequence
@@ -54,6 +55,7 @@ def combine_references(
     signals = [as_reference(reference) for reference in references]
     if any(signal.oscillates for signal in signals):
         return _combined_sines(signals, matrix, offset)
+    # `as_polynomial` returns None for a trajectory of another kind, such as a spline.
     polynomials = [signal.as_polynomial() for signal in signals]
     known_polynomials = [polynomial for polynomial in polynomials if polynomial is not None]
     if len(known_polynomials) == len(signals):
@@ -69,17 +71,20 @@ def _combined_samples(
     """Combine references of any kind but sines by samples, which cubic polynomials join.
 
     Args:
-        references: references with n positions in all.
+        references: references with n positions in all, of which at least one is no constant.
         matrix: shape (k, n).
         offset: shape (k,) [rad or m].
     """
-    start = min(reference.span[0] for reference in references)
-    end = max(reference.span[1] for reference in references)
+    # From the first start to the last end. A constant has infinite ends, and needs no samples of its own.
+    ends = [time for reference in references for time in reference.span if np.isfinite(time)]
+    start = min(ends)
+    end = max(ends)
     # At least one interval: all trajectories may begin and end at the same time.
     interval_count = max(int((end - start) * _RATE), 1)
     times = np.linspace(start, end, interval_count + 1)
 
     # Samples of all n positions, shape (times, n). A reference stands still before its own start and after its end.
+    # `hermite` joins samples by the cubics that have their velocities.
     positions = np.hstack([reference.values(times) for reference in references])
     velocities = np.hstack([reference.values(times, order=1) for reference in references])
     return hermite(times, positions @ matrix.T + offset, velocities @ matrix.T)
@@ -108,6 +113,7 @@ def _combined_sines(
     sines = []
     frequencies = set[float]()
     for reference in references:
+        # A trajectory at rest is a sine without amplitude. One that moves is none: `as_sine` returns None.
         sine = reference.as_sine()
         if sine is not None and reference.oscillates:
             frequencies.add(sine.frequency)
@@ -170,6 +176,7 @@ def _combined_polynomials(
         middle = (start + end) / 2
         polynomials = []
         for reference in references:
+            # The middle is inside of a piece of each reference, while a break belongs to two.
             polynomials += _coefficients(reference, start, middle)
         # One row of coefficients for each position, filled up with zeros to the highest degree.
         size = max(len(polynomial) for polynomial in polynomials)

@@ -46,14 +46,17 @@ class CommandBus(SampledBlock):
             memory={name: np.zeros(count) for name in names},
             gives=names,
             delay=delay,
-            # Servos compute torques as soon as the run begins: without an early sample, these would
-            # be the torques for commands of 0.
+            # Servos compute torques as soon as the run begins: without an early sample, these would be the torques for
+            # commands of 0.
             at_once=True,
         )
         self._resolution = resolution
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the commands that enter the bus at this sample, by output."""
+        """Compute the commands that enter the bus at this sample, by output. Only positions are rounded.
+
+        They leave the bus d samples later: the base class delays the outputs.
+        """
         changes = {name: read[name] for name in self.outputs}
         changes["reference"] = round_to_resolution(read["reference"], self._resolution)
         return changes

@@ -1,4 +1,7 @@
-"""Contacts of a plant, read once for all blocks that need them; sensors of contact forces and of distances."""
+"""Contacts of a plant, read once for all blocks that need them; sensors of contact forces and of distances.
+
+Shapes are collision geometries, named by their identifiers in Drake's scene graph. A body may have several.
+"""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -53,7 +56,7 @@ class Contacts:
             return results
 
         pairs = list[Pair]()
-        # Point, force, moment and normal of each contact.
+        # Point, force, moment and normal of each contact, in the order of the fields.
         rows = list[tuple[Vector, Vector, Vector, Vector]]()
         for index in range(results.num_point_pair_contacts()):
             info = results.point_pair_contact_info(index)
@@ -70,8 +73,7 @@ class Contacts:
             areas = np.array([surface.area(face) for face in faces])
             face_normals = np.array([surface.face_normal(face) for face in faces])
             # Drake's normals of the faces point out of shape N, into shape M.
-            # The faces of a curved surface have different normals: n = sum of A_i n_i, then
-            # normalised.
+            # The faces of a curved surface have different normals: n = sum of A_i n_i, then normalised.
             normal = areas @ face_normals
             if not normal.any():
                 # Bodies that only just touch: a surface without area, and so without force.
@@ -108,7 +110,7 @@ class Contacts:
 
     @cached_property
     def normal_forces(self) -> Vector:
-        """Components of the forces along the normals, shape (k, 3) [N]."""
+        """Components of the forces along the normals, as vectors: forces without friction, shape (k, 3) [N]."""
         # f_n = (f . n) n for each contact; the sum over axis 1 is the dot product.
         along_normals = (self.forces * self.normals).sum(axis=1, keepdims=True)
         return np.asarray(along_normals * self.normals)
@@ -151,7 +153,7 @@ keep_former_attributes(Contacts, together="concatenate", senses="force_signs")
 
 
 def pressing_pairs(results: ContactResults | Contacts) -> Iterator[Pair]:
-    """Yield the pairs of shapes that press on each other with a force.
+    """Yield the pair of shapes of each contact that has a force. A pair with several contacts comes several times.
 
     It takes less time than :meth:`Contacts.of`, which visits each face of a contact surface.
     """
@@ -162,8 +164,7 @@ def pressing_pairs(results: ContactResults | Contacts) -> Iterator[Pair]:
         return
     for index in range(results.num_point_pair_contacts()):
         point = results.point_pair_contact_info(index)
-        # A solver also lists contacts without a force, such as those of shapes that only just
-        # touch.
+        # A solver also lists contacts without a force, such as those of shapes that only just touch.
         if point.contact_force().any():
             yield point.point_pair().id_B, point.point_pair().id_A
     for index in range(results.num_hydroelastic_contacts()):
@@ -183,7 +184,8 @@ class ContactReader(Block):
     def __init__(self) -> None:
         super().__init__()
         self._results = self.DeclareAbstractInputPort("contact_results", Value[ContactResults]())
-        # `Contacts` is a class of Python, so the port carries it as a Python object.
+        # `Contacts` is a class of Python, so the port carries it as a Python object. Drake keeps the callback of a
+        # port, which holds the block weakly, as the block would otherwise never be freed.
         self.DeclareAbstractOutputPort("contacts", Value[object], weakly(self._read))
 
     def _read(self, context: Context, output: AbstractValue) -> None:
@@ -229,7 +231,7 @@ class ForceSensor(Block):
         self._other = None if other is None else set(other)
         self._normal_only = normal_only
 
-        # Pose of the frame: in its body, or in the world if the body cannot move.
+        # Pose of the frame: in its body, and in the world, which is used if the body cannot move.
         self._body_index = int(frame.body().index())
         self._pose_in_body = frame.GetFixedPoseInBodyFrame()
         self._is_moving = not plant.IsAnchored(frame.body())
@@ -240,7 +242,7 @@ class ForceSensor(Block):
         self.DeclareVectorOutputPort("wrench", 6, weakly(self._calc_wrench))
 
     def _calc_wrench(self, context: Context, output: BasicVector) -> None:
-        """Compute the wrench, shape (6,): force [N], then moment [N·m]."""
+        """Compute the wrench, shape (6,), in the axes of the frame: force [N], then moment about its origin [N·m]."""
         contacts: Contacts = self._contacts.Eval(context)
         # Loops ask often, mostly without a contact of the body: this check takes the least time.
         if not any(shape in self._body for pair in contacts.pairs for shape in pair):
@@ -254,14 +256,14 @@ class ForceSensor(Block):
         pose = self._fixed_pose
         if self._is_moving:
             pose = self._poses.Eval(context)[self._body_index] @ self._pose_in_body
-        # f_i of the class's equation: the force on the body, opposite if the body is the second
-        # shape.
+        # f_i of the class's equation: the force on the body, opposite if the body is the second shape.
         forces = signs[:, np.newaxis] * (
             contacts.normal_forces if self._normal_only else contacts.forces
         )
 
         # With arms r and forces f of all contacts, P[i, j] is the sum of r_i f_j, and the sum of the cross products
-        # r x f has the components P[1, 2] - P[2, 1], P[2, 0] - P[0, 2] and P[0, 1] - P[1, 0].
+        # r x f has the components P[1, 2] - P[2, 1], P[2, 0] - P[0, 2] and P[0, 1] - P[1, 0]. The indices k - 2 and
+        # k - 1 of the component k count from the end if they are negative.
         products = (contacts.points - pose.translation()).T @ forces
         moment = np.array([products[k - 2, k - 1] - products[k - 1, k - 2] for k in range(3)])
         if not self._normal_only:
@@ -329,7 +331,11 @@ class Distances:
         self.pairs = [*self._convex_pairs, *plane_pairs]
 
     def of(self, query: QueryObject) -> Vector:
-        """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
+        """Compute the distances of all k pairs, in the order of `pairs`, shape (k,) [m]; negative if shapes overlap.
+
+        Args:
+            query: query object of the scene graph, which has the present poses of the shapes.
+        """
         distances = [
             query.ComputeSignedDistancePairClosestPoints(*pair).distance
             for pair in self._convex_pairs
@@ -339,7 +345,12 @@ class Distances:
 
 
 def _shape_over_plane(inspector: SceneGraphInspector, pair: Pair) -> _ShapeOverPlane:
-    """Read the properties of a pair of shapes, of which at least one is a half space."""
+    """Read the properties of a pair of shapes, of which at least one is a half space. The other one is measured.
+
+    Args:
+        inspector: inspector of the scene graph that contains the shapes.
+        pair: the pair. If both are half spaces, the first one counts as the plane.
+    """
     first, second = pair
     is_first_plane = isinstance(inspector.GetShape(first), HalfSpace)
     plane_id = first if is_first_plane else second
@@ -386,11 +397,11 @@ class DistanceSensor(Block):
         pairs = list[Pair]()
         for first in body:
             for second in other:
-                # Drake filters pairs of one body, and a station those of one robot unless the user
-                # wants them.
+                # Drake filters pairs of one body, and a station those of one robot unless the user wants them.
                 if first != second and not inspector.CollisionFiltered(first, second):
                     pairs.append((first, second))
         if not pairs:
+            # The message names one shape of each set.
             names = join_texts(
                 [inspector.GetName(next(iter(shapes))) for shapes in (body, other)],
                 message("base.and", " and "),

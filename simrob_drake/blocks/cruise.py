@@ -59,15 +59,26 @@ class TimeLaw:
         return float(self.breaks[-1])
 
     def at(self, times: npt.ArrayLike, piece: int, order: int = 0) -> Vector:
-        """Compute the distance at times (m,) [s] by one of the pieces, shape (m,), or its derivative of an order."""
+        """Compute the distance by the polynomial of one piece, or its derivative of an order.
+
+        Args:
+            times: times since the motion began, shape (m,) [s]. Outside of the piece, its polynomial goes on.
+            piece: index of the piece.
+            order: order of the derivative; 0 for the distance itself.
+
+        Returns:
+            the values, shape (m,).
+        """
         since_start_of_piece = np.asarray(times, dtype=float) - self.breaks[piece]
         return np.asarray(polyval(since_start_of_piece, polyder(self.coefficients[piece], order)))
 
     def times_of(self, parts: Vector) -> Vector:
         """Find the times at which the motion has covered parts (m,) of the path, each 0 to 1 [s].
 
-        They are interpolated between samples of the pieces.
+        They are interpolated between samples of the pieces. The speed of the motion must be positive, so that each part
+        has one time.
         """
+        # Sample times of each piece, and the distance at each of them.
         sample_times = [
             np.linspace(begin, end, _SAMPLES_PER_PIECE) for begin, end in pairwise(self.breaks)
         ]
@@ -77,7 +88,7 @@ class TimeLaw:
         return np.asarray(np.interp(parts, distances / distances[-1], np.concatenate(sample_times)))
 
     def slower(self, factor: float) -> "TimeLaw":
-        """Stretch the motion in time by a factor."""
+        """Stretch the motion in time by a factor: the same distance in `factor` times the duration."""
         # With t' = factor t, the coefficient of the power p becomes c / factor^p.
         powers = factor ** -np.arange(self.coefficients.shape[1], dtype=float)
         return TimeLaw(breaks=self.breaks * factor, coefficients=self.coefficients * powers)
@@ -111,9 +122,11 @@ def cruise(
 ) -> TimeLaw:
     """Compute the shortest time law for a path within limits.
 
+    Its shape is that of the module: ramp, constant speed, ramp. The units are those of the length and of seconds.
+
     Args:
-        length: length of the path, positive.
-        speed: largest speed, positive [1/s of the length].
+        length: length of the path, positive [rad or m, or 1 for parts of a path].
+        speed: largest speed, positive [1/s].
         acceleration: largest acceleration, positive [1/s²].
         jerk: largest jerk, positive [1/s³]; infinite for a trapezoid. If it is None, the result is an S-curve whose
             acceleration rises for a third of the ramp.
@@ -132,17 +145,22 @@ def cruise(
     elif np.isfinite(jerk):
         jerk = min(jerk, acceleration / _SHORTEST_RAMP)
 
-    # The ramp to this speed reaches the acceleration for an instant only. Below it, the ramp has no middle part.
-    bend = acceleration**2 / jerk
+    # The speed a² / j. The ramp to this speed reaches the acceleration for an instant only. Below it, the ramp has no
+    # middle part, and its acceleration stays lower.
+    speed_of_full_ramp = acceleration**2 / jerk
     # Speed v without a constant part. With a middle part, v (v / a + a / j) = L; without it, v (2 sqrt(v / j)) = L.
-    speed_that_fits = (np.sqrt(bend**2 + 4 * acceleration * length) - bend) / 2
-    if speed_that_fits < bend:
+    speed_that_fits = (
+        np.sqrt(speed_of_full_ramp**2 + 4 * acceleration * length) - speed_of_full_ramp
+    ) / 2
+    if speed_that_fits < speed_of_full_ramp:
         speed_that_fits = (length**2 * jerk / 4) ** (1 / 3)
     top_speed = min(speed, speed_that_fits)
 
     # Time in which the acceleration rises [s].
     rise = min(acceleration / jerk, np.sqrt(top_speed / jerk))
+    # A trapezoid has no rise, and an infinite jerk, whose product with it would be no number.
     top_acceleration = acceleration if rise == 0 else jerk * rise
+    # The acceleration rises, stays and falls; braking is the same with the other sign.
     ramp = [
         _Phase(duration=rise, acceleration=0.0, jerk=jerk),
         _Phase(
@@ -150,6 +168,7 @@ def cruise(
         ),
         _Phase(duration=rise, acceleration=top_acceleration, jerk=-jerk),
     ]
+    # T = L / v + T_r has two ramps of T_r, which leaves L / v - T_r between them.
     constant_time = length / top_speed - (rise + top_speed / top_acceleration)
     constant = _Phase(duration=constant_time, acceleration=0.0, jerk=0.0)
     braking = [_Phase(phase.duration, -phase.acceleration, -phase.jerk) for phase in ramp]
@@ -163,6 +182,12 @@ def _check_limits(
     jerk: float | None,
 ) -> None:
     """Check that none of the limits alone makes a motion over a length last too long.
+
+    Args:
+        length: length of the path, positive [rad or m, or 1 for parts of a path].
+        speed: largest speed [1/s].
+        acceleration: largest acceleration [1/s²].
+        jerk: largest jerk [1/s³], or None if it follows from the acceleration and needs no check.
 
     Raises:
         InvalidParameter: the motion would last longer than times may be.
@@ -219,6 +244,12 @@ def cruise_to(
         jerks: largest jerks, shape (n,) [rad/s³ or m/s³]; infinite for a trapezoid. If they are None, those of
             :func:`cruise` are used.
         start_time: time at which the motion starts [s].
+
+    Returns:
+        the trajectory, shape (n, 1). It is a constant, at all times, if no axis has a distance to go.
+
+    Raises:
+        InvalidParameter: the limits are so low that the motion would last too long.
     """
     first = np.asarray(start, dtype=float)
     distances = np.asarray(target, dtype=float) - first

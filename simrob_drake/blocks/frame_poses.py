@@ -48,6 +48,7 @@ class FramePoses(Block):
         for name in frames:
             # Drake computes the pose of an anchored frame only once.
             prerequisite = state_ticket if name in self._moving else self.nothing_ticket()
+            # Drake keeps the callback, which holds the block weakly, as it would otherwise never be freed.
             calc = partial(weakly(self._calc_pose), name)
             self.DeclareVectorOutputPort(name, len(XYZ_QUATERNION_NAMES), calc, {prerequisite})
 
@@ -76,15 +77,22 @@ class FramePoses(Block):
         return poses
 
     def _calc_pose(self, name: str, context: Context, output: BasicVector) -> None:
-        """Compute the pose that a port gives."""
+        """Compute the pose that the port of a name gives."""
         state = self._state.Eval(context) if name in self._moving else None
         output.SetFromVector(self._pose(name, state))
 
     def _pose(self, name: str, state: Vector | None = None) -> Vector:
-        """Compute the pose (7,) of a frame in a state (nq + nv,). An anchored frame needs no state."""
+        """Compute the pose of a frame in a state of the plant.
+
+        Args:
+            name: name of the frame's port.
+            state: positions and velocities of the plant, shape (nq + nv,), or None for an anchored frame.
+
+        Returns:
+            The pose x y z [m] qw qx qy qz, shape (7,).
+        """
         if state is not None:
-            # Poses depend on the positions only, so the velocities at the end of the state are left
-            # out.
+            # Poses depend on the positions only, so the velocities at the end of the state are left out.
             positions = state[: self._plant.num_positions()]
             self._plant.SetPositions(self._scratch, positions)
         frame = self._plant.get_frame(self._frames[name])

@@ -51,8 +51,8 @@ class JointTorqueSensor(Block):
         forces = self._forces.Eval(context)
         for row, joint in enumerate(self._joints):
             reaction = forces[joint.number]
-            # The torque about the axis a is a . m of the reaction's moment; a prismatic joint has a
-            # . f.
+            # The torque about the axis a is the product a . m with the reaction's moment. For a prismatic joint it is
+            # a . f with the reaction's force.
             vector = reaction.translational() if joint.is_prismatic else reaction.rotational()
             output.SetAtIndex(row, float(joint.axis @ vector))
 

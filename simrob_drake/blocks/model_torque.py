@@ -5,7 +5,9 @@ r"""Torques that the model of a plant predicts, computed by Drake's inverse dyna
 For a desired motion, this torque is a feedforward. For the measured state and a desired acceleration it is a computed
 torque. For the measured state without acceleration it is the torque that keeps an arm moving as it does.
 
-A robot's axes are the coordinates of its servos; `AxisMap` converts between axes and the joints of the plant.
+A robot's axes are the coordinates of its servos; `AxisMap` converts between axes and the joints of the plant. Its
+matrices pick the values of the axes from a vector of the plant, with the signs +1 or -1 of axes in the sense of their
+joints or against it. Their transposes put the values back.
 """
 
 from collections.abc import Sequence
@@ -88,20 +90,19 @@ def add_feedforward(
     Returns:
         The torques of each robot in axis order, size n [N·m].
     """
-    # State of the plant: x = rest + sum of the spread ports, so each entry is set by one of the
-    # two.
+    # State of the plant: x = rest + sum of the spread ports, so each entry is set by one of the two.
     rest = plant.GetPositionsAndVelocities(plant.CreateDefaultContext())
     states = list[_SpreadPort]()
     accelerations = list[_SpreadPort]()
     for axes, signals in robots:
         count = len(axes.signs)
-        # The matrix from the plant's state to the axes picks entries with signs +1 or -1: its
-        # transpose puts them back. Its columns are the positions of the axes, then their
-        # velocities.
+        # Shape (size of the state, 2n): a column for the position of each axis, then one for its velocity.
         spread = axes.state_matrix.T
+        # The entries that the robot's axes set.
         rest[spread.any(axis=1)] = 0.0
         states.append(_SpreadPort(signals.reference, spread[:, :count]))
-        # Both or none: the Coriolis terms of a velocity alone are not the torque of the motion.
+        # Velocity and acceleration together, or neither: the Coriolis terms of a velocity alone are not the torque of
+        # the motion.
         if signals.reference_velocity is not None and signals.reference_acceleration is not None:
             states.append(_SpreadPort(signals.reference_velocity, spread[:, count:]))
             accelerations.append(
@@ -177,9 +178,8 @@ def add_computed_torque(
     kd = np.diag(gains.kd)
     identity = np.eye(len(gains.kp))
 
-    # Desired acceleration of the plant: (ddq_r + kd (dq_r - v) + kp (q_r - q)) in the joints'
-    # signs.
-    # Columns: reference, measured position, measured velocity, reference velocity, reference acceleration.
+    # Desired acceleration of the plant: (ddq_r + kd (dq_r - v) + kp (q_r - q)) in the joints' signs. Columns:
+    # reference, measured position, measured velocity, reference velocity, reference acceleration.
     law = axes.velocity_matrix.T @ np.hstack([kp, -kp, -kd, kd, identity])
     bus = add_multiplexer(
         builder,
@@ -225,7 +225,7 @@ def add_admittance(
     Args:
         builder: builder of the diagram.
         signals: signals of the servos.
-        gains: gains of the servos.
+        gains: gains of the servos, of which kp and kd are used.
         model: the torque ID of the arm's model in axis order, size n [N·m].
         gain: the gain :math:`K_t` [1/s], positive.
         prefix: prefix of the names of the blocks.
@@ -236,6 +236,7 @@ def add_admittance(
     identity = np.eye(len(gains.kp))
     kp = np.diag(gains.kp)
     kd = np.diag(gains.kd)
+    # Factors of the ports in dx/dt / K_t. The state has two parts, positions and velocities, so it has two factors.
     ports = [model, signals.reference, signals.state]
     columns = [identity, -kp, kp, kd]
     if signals.reference_velocity is not None:

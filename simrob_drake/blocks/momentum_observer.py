@@ -62,7 +62,7 @@ class MomentumObserver(Block):
             axes: the robot's axes in the plant.
             gain: K [1/s]. The estimate lags behind by 1/K.
             period: time h between two samples [s].
-            tool: frame at which the external force is assumed to act.
+            tool: frame at which the external force is assumed to act. If it is None, no force is estimated.
 
         Raises:
             InvalidParameter: the gain or the period is not positive and finite.
@@ -85,6 +85,7 @@ class MomentumObserver(Block):
         self._torque = self.DeclareVectorInputPort("torque", count)
         # r, p and the known torque of the last sample; infinite before the first one.
         self._memory = self.DeclareDiscreteState(np.full(3 * count, np.inf))
+        # Drake keeps the callbacks of ports. They hold the block weakly, as it would otherwise never be freed.
         self.DeclareVectorOutputPort("external_torque", count, weakly(self._calc_torque))
         if tool is not None:
             self.DeclareVectorOutputPort("external_force", 3, weakly(self._calc_force))
@@ -95,7 +96,7 @@ class MomentumObserver(Block):
 
         Args:
             memory: memory before the sample, shape (3n,): the estimate r, the momentum p and the known torque
-                of the equation above. It is infinite at the first sample.
+                tau + f, shape (n,) each. It is infinite at the first sample, which gives no estimate yet.
             state: positions and velocities of the plant, shape (nq + nv,).
             torque: torques of the servos, shape (n,) [N·m].
 
@@ -108,6 +109,7 @@ class MomentumObserver(Block):
         if np.isinf(memory).any():
             no_estimate = np.zeros_like(momentum)
             return np.concatenate([no_estimate, momentum, known])
+        # The equations of the module: the mean external torque since the last sample, and its filter.
         mean = (momentum - last_momentum) / self.period - (known + last_known) / 2
         filtered = estimate + self._filter_share * (mean - estimate)
         return np.concatenate([filtered, momentum, known])
@@ -133,14 +135,19 @@ class MomentumObserver(Block):
         return np.asarray(np.linalg.lstsq(axes_jacobian.T, torque, rcond=_SINGULAR)[0])
 
     def _momentum_and_rate(self, state: Vector) -> tuple[Vector, Vector]:
-        """Compute the momentum p, and the part f of its rate that the model knows, each shape (n,) in axis order."""
+        """Compute the momentum p, and the part f of its rate that the model gives, each shape (n,) in axis order.
+
+        Args:
+            state: positions and velocities of the plant, shape (nq + nv,).
+        """
         plant = self._plant
         context = self._scratch
         positions, velocities = np.split(state, [plant.num_positions()])
         plant.SetPositionsAndVelocities(context, state)
+        # Change of the positions along the motion in the time _EPSILON.
         step = _EPSILON * plant.MapVelocityToQDot(context, velocities)
 
-        # -C v + g, with the damping of the joints in C v.
+        # -C v + g, with the damping of the joints in C v: inverse dynamics without acceleration give C v - g.
         forces = MultibodyForces(nb=plant.num_bodies(), nv=plant.num_velocities())
         plant.CalcForceElementsContribution(context, forces)
         no_acceleration = np.zeros_like(velocities)

@@ -51,6 +51,11 @@ class Trigger:
     after: float = 0.0
 
     def __post_init__(self) -> None:
+        """Check the times.
+
+        Raises:
+            InvalidParameter: a time is negative or not finite.
+        """
         for name, value in (("hold", self.hold), ("after", self.after)):
             if not (np.isfinite(value) and value >= 0):
                 raise InvalidParameter(
@@ -119,9 +124,10 @@ class Monitor(Block):
         ]
         # A discrete state, and no attribute of Python: a copied or restored context contains it.
         self._onset = self.DeclareDiscreteState(np.array([NOT_YET]))
+        # Drake keeps the callback of a port, which holds the block weakly, as it would otherwise never be freed.
         self.DeclareVectorOutputPort("excess", 1, weakly(self._calc_excess))
-        # Drake publishes at the end of a step, but updates discrete states at the start of the next
-        # one. So `_watch` computes the onset of its moment, which is not in the state yet.
+        # Drake publishes at the end of a step, but updates discrete states at the start of the next one. So `_watch`
+        # computes the onset of its moment, which is not in the state yet.
         self.DeclarePerStepPublishEvent(self._watch)
         if hold > 0:  # else the first step at which the condition holds ends the run
             self.DeclarePerStepDiscreteUpdateEvent(self._update_onset)
@@ -133,7 +139,7 @@ class Monitor(Block):
         output.SetAtIndex(0, self._trigger.condition.excess(*self._values(context)))
 
     def _watch(self, context: Context) -> EventStatus:
-        """End the run if the condition has lasted long enough."""
+        """End the run if the condition has lasted long enough. Drake calls this at the end of each step."""
         if self._trigger.ends_run(self._present_onset(context), context.get_time()):
             return EventStatus.ReachedTermination(self, str(self.reason(context)))
         return EventStatus.DidNothing()

@@ -51,7 +51,7 @@ def add_external_force(
         frame: frame in whose axes the force acts.
         name: name of the block.
         point: point of the frame at which the force acts, shape (3,) [m].
-        turns: whether the vector is a torque; otherwise it is a force.
+        turns: whether the vector is a torque; otherwise it is a force. A torque does not depend on the point.
 
     Returns:
         The block. Its input ``command`` (3) is the force [N] or torque [N·m], and its output ``spatial_forces`` is to
@@ -85,15 +85,16 @@ def set_friction(
     .. math:: \tau = -c \,\mathrm{sat}(v / v_s), \qquad \mathrm{sat}(x) = \max(-1, \min(1, x))
 
     This is the law of a servo that holds the joint at rest without stiffness, with the damping :math:`c / v_s` and the
-    effort limit c. So each joint gets a further actuator, in addition to the motor's. Every scheme of Drake treats it
-    alike, and the implicit schemes need no small steps for it. Static friction is not larger than sliding friction, and
-    a load below c moves the joint by at most :math:`v_s`.
+    effort limit c. So each joint gets a further actuator. If it has a motor, the rotor inertia of the motor's actuator
+    moves to the further one. Every scheme of Drake treats the law alike, and the implicit schemes need no small steps
+    for it. Static friction is not larger than sliding friction, and a load below c moves the joint by at most
+    :math:`v_s`.
 
-    The caller must wire the desired state of the model instance, which then contains the further actuators.
+    The caller must connect the desired state of the model instance, which then contains the further actuators.
 
     Args:
         plant: the plant.
-        joints: n joints.
+        joints: n joints with one axis each.
         friction: friction c of each joint, shape (n,) [N·m or N], not negative; 0 adds nothing.
         speed: speed :math:`v_s` below which the friction fades [rad/s or m/s].
     """
@@ -161,11 +162,11 @@ def add_joint_stops(
     k = np.broadcast_to(stiffness, plant.num_velocities())[velocities]
     d = np.broadcast_to(damping, plant.num_velocities())[velocities]
 
-    # w = q + (d/k) v, from the state of the plant.
+    # w = q + (d/k) v of each of the joints (row), from the positions and velocities of the plant (columns).
     to_damped_position = np.zeros((count, plant.num_multibody_states()))
     to_damped_position[rows, position_columns] = 1.0
     to_damped_position[rows, [plant.num_positions() + velocity for velocity in velocities]] = d / k
-    # tau = -k w + k clip(w), from w and its clipped value.
+    # tau = -k w + k clip(w), from w and its clipped value. Joints without stops get zero.
     to_force = np.zeros((plant.num_velocities(), 2 * count))
     to_force[velocities, rows] = -k
     to_force[velocities, count + rows] = k

@@ -1,7 +1,8 @@
 """References: desired positions of axes as functions of time, and the blocks that play them in a diagram.
 
 A reference is a trajectory of Drake or a sine. The functions of this module make trajectories from samples or targets,
-and answer questions about references of both kinds.
+and answer questions about references of both kinds. Trajectories have the shape (n, 1) for n axes; positions are in
+rad, or in m for axes that slide. Times that differ by less than `SHORTEST` [s] count as one time.
 """
 
 from abc import ABC, abstractmethod
@@ -211,7 +212,10 @@ class SineReference(ReferenceSignal):
     ) -> "ReferenceSource":
         """Add Drake's `Sine` and a constant for the centre, and sum them.
 
-        The result always has both derivatives, whatever `derivatives` says.
+        Args:
+            builder: builder of the diagram.
+            name: name of the sine, and prefix of the names of the other blocks.
+            derivatives: without effect: the result always has both derivatives.
         """
         # omega = 2 pi f [rad/s], equal for all axes.
         angular_frequency = np.full(len(self.centre), 2 * np.pi * self.frequency)
@@ -323,6 +327,7 @@ class TrajectoryReference(ReferenceSignal):
     def as_sine(self) -> SineReference | None:
         """A sine without amplitude if the trajectory stands still. Returns None if it moves."""
         start, end = self.span
+        # A constant has infinite ends, and the same position there.
         position = self.values(np.array([start]))[0]
         if np.isfinite([start, end]).all():
             # A motion to and fro ends where it began, so the samples in between count, too.
@@ -346,7 +351,10 @@ class TrajectoryReference(ReferenceSignal):
     ) -> "ReferenceSource":
         """Add Drake's `TrajectorySource`. If it gives derivatives, a demultiplexer splits its output.
 
-        The result has exactly the derivatives that are asked for, at most two.
+        Args:
+            builder: builder of the diagram.
+            name: name of the source, and prefix of the name of the demultiplexer.
+            derivatives: count of derivatives, 0 to 2. The result has exactly these.
 
         Raises:
             InvalidParameter: the trajectory is no column.
@@ -372,12 +380,17 @@ class TrajectoryReference(ReferenceSignal):
         )
 
     def table(self, duration: float) -> ReferenceTable:
-        """Positions and velocities of the trajectory, as far as a run follows it, which cubics join."""
+        """Positions and velocities of the trajectory, as far as a run follows it, which cubics join.
+
+        Args:
+            duration: duration of the run [s], up to which the reference is needed.
+        """
         first, last = self.span
         start = max(first, 0.0)
         end = min(last, duration)
         if start >= end:
-            # The trajectory begins after the run, or is over before it: the run only holds one of its ends.
+            # The trajectory begins after the run, or is over before it: the run only holds one of its ends. The time 0
+            # is clipped to its start in the first case, and to its end in the second.
             position = self.trajectory.value(float(np.clip(0.0, first, last)))[:, 0]
             at_rest = np.append(position, np.zeros_like(position))
             return ReferenceTable(
@@ -447,18 +460,20 @@ def ramp(
     Args:
         start: positions at the start, shape (n,) [rad].
         target: positions at the end, shape (n,) [rad].
-        duration: duration of the motion [s].
+        duration: duration of the motion [s], the blends included.
         start_time: time at which the motion starts [s].
         blend: time in which the speed grows evenly at the start, and falls at the end [s]. It must be less than half of
             the duration. If it is 0, the speed jumps.
+
+    Raises:
+        InvalidParameter: the duration is not positive, the blend is negative or too long, or a position is not finite.
     """
     ends = np.array([start, target], dtype=float)
     if not blend:
         return interpolate_samples([start_time, start_time + duration], ends, linear=True)
     # Over a blend the mean speed is half of v, so the distance is v (duration - blend).
     speed = (ends[1] - ends[0]) / (duration - blend)
-    # The cubic between such ends is a parabola, a line, and a parabola: constant acceleration in a
-    # blend.
+    # The cubic between such ends is a parabola, a line, and a parabola: constant acceleration in a blend.
     blend_distance = speed * blend / 2
     rest = np.zeros_like(speed)
     times = start_time + np.array([0.0, blend, duration - blend, duration])
@@ -501,7 +516,7 @@ def sequence(
 
     Args:
         start: positions at the start, shape (n,) [rad].
-        times: times of arrival at the targets [s].
+        times: times of arrival at the targets, one for each [s].
         targets: the targets, shape (n,) each [rad].
         start_time: time at which the motion starts [s].
 
@@ -510,6 +525,7 @@ def sequence(
     """
     breaks = _check_rising(np.array([start_time, *times], dtype=float), "times")
     points = [np.asarray(point, dtype=float) for point in (start, *targets)]
+    # One segment between each two successive points.
     segments = []
     for (begin, end), (low, high) in zip(pairwise(breaks), pairwise(points), strict=False):
         # With s = t / T, the factor of s^k becomes that of t^k over T^k.
@@ -563,13 +579,15 @@ def hermite(
     """
     breaks, samples = _check_samples(times, positions)
     _, rates = _check_samples(times, velocities)
-    # The control points of a cubic over the time T, in Bézier form: q0, q0 + v0 T/3, q1 - v1 T/3, q1.
+    # The control points of a cubic over the time T, in Bézier form: q0, q0 + v0 T/3, q1 - v1 T/3, q1. The spline has
+    # the two inner ones of each cubic, and the two ends of the whole: two points for each sample.
     thirds = np.diff(breaks)[:, np.newaxis] / 3
     points = np.repeat(samples, 2, axis=0)
+    # Of the two points of a sample, the second one (odd index) belongs to the cubic after it, and the first one (even
+    # index) to the cubic before it. The first and the last point are the ends themselves.
     points[1:-1:2] += thirds * rates[:-1]
     points[2::2] -= thirds * rates[1:]
-    # A knot that occurs twice keeps the velocity continuous; those at the ends have to occur four
-    # times.
+    # A knot that occurs twice keeps the velocity continuous; those at the ends have to occur four times.
     knots = np.concatenate([breaks[[0, 0]], np.repeat(breaks, 2), breaks[[-1, -1]]])
     return BsplineTrajectory(
         BsplineBasis(_CUBIC_ORDER, knots.tolist()), list(points[:, :, np.newaxis])
@@ -606,6 +624,9 @@ def hermite_samples(
         start: time of the first sample [s].
         end: time of the last sample [s].
         rate: sampling rate between the breaks [Hz].
+
+    Returns:
+        the samples. Their times rise from start to end.
     """
     pieces = _find_pieces(trajectory)
     # Between the breaks of smooth cubics there is nothing to sample: the two ends are enough.
@@ -636,7 +657,7 @@ class _Pieces(NamedTuple):
 
 
 def _find_pieces(trajectory: Trajectory) -> _Pieces:
-    """Find the pieces of a trajectory."""
+    """Find the pieces of a trajectory. A spline that is no smooth cubic counts as one without pieces."""
     if isinstance(trajectory, BsplineTrajectory):
         knots, repetitions = np.unique(trajectory.basis().knots(), return_counts=True)
         # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times.
@@ -727,7 +748,7 @@ def later(reference: Reference, time: float) -> Reference:
 
 
 def _shift(trajectory: Trajectory, time: float) -> Trajectory:
-    """Shift a trajectory so that `time` [s] becomes zero."""
+    """Shift a trajectory so that `time` [s] becomes zero. The given trajectory stays as it is."""
     if isinstance(trajectory, PiecewisePolynomial):
         # `shiftRight` changes the trajectory itself, which others may use: a copy is shifted.
         shifted = trajectory.Clone()

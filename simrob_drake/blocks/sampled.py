@@ -173,7 +173,8 @@ class SampledBlock(Block):
             reads: sizes of its inputs, by name.
             memory: initial values of its memory, by name.
             gives: names of the parts of its memory that are outputs.
-            delay: delay of the outputs, in samples. Until the first sample has passed through, they give its value.
+            delay: delay of the outputs, in samples. Until the first sample has passed through, they give its value;
+                before the first sample they give their initial values.
             at_once: take the first sample before the run begins, so that other blocks can read it in their own first
                 sample.
         """
@@ -216,7 +217,15 @@ class SampledBlock(Block):
             self.DeclareInitializationDiscreteUpdateEvent(self._sample_early)
 
     def set_output(self, context: Context, name: str, values: Vector) -> None:
-        """Set an output of ``gives`` in a context of the block. It holds until the next sample."""
+        """Set the memory of an output in a context of the block. It stays until a sample changes it.
+
+        Without a delay, the output's port gives these values at once. With a delay, its value does not change.
+
+        Args:
+            context: context of the block.
+            name: name of the output, one of ``gives``.
+            values: the new values, of the output's size.
+        """
         context.SetDiscreteState(self._output_memory[name], values)
 
     def _declare_delay_line(self, initial: Vector) -> _DelayLine:
@@ -269,7 +278,14 @@ class SampledBlock(Block):
         )
 
     def remember(self, context: Context, changes: Changes) -> None:
-        """Change the memory of the block in a context of the block, between its samples."""
+        """Change the memory of the block in a context of the block, between its samples.
+
+        Delayed outputs move on by one sample.
+
+        Args:
+            context: context of the block, which is changed.
+            changes: new values of parts of the memory, by name.
+        """
         self._apply(
             changes, self.now(context).memory, context, context.get_mutable_discrete_state()
         )
@@ -279,7 +295,10 @@ class SampledBlock(Block):
         context: Context,
         discrete: DiscreteValues,
     ) -> EventStatus | None:
-        """Take the first sample before the run begins; writes the new state to `discrete`."""
+        """Take the first sample before the run begins, and write the new state to `discrete`.
+
+        Nothing happens if the context is from a run that has begun already, which this run continues.
+        """
         assert self._stage is not None  # the event is declared with the stage only
         if context.get_discrete_state(self._stage).value()[0] != _NO_SAMPLE:
             # The run goes on from the state of another run.
@@ -290,7 +309,14 @@ class SampledBlock(Block):
         return status
 
     def _update(self, context: Context, discrete: DiscreteValues) -> EventStatus | None:
-        """Take a sample; writes the new state to `discrete`. A first sample that was taken early is not repeated."""
+        """Take a sample, and write the new state to `discrete`. A first sample that was taken early is not repeated.
+
+        Returns:
+            the status with which Drake ends the run if the sample raises :class:`RunEnds`, otherwise None.
+
+        Raises:
+            BlockFails: the block cannot go on.
+        """
         if self._stage is not None:
             stage = context.get_discrete_state(self._stage).value()[0]
             discrete.set_value(self._stage, np.array([_RUNNING]))
@@ -333,7 +359,8 @@ class SampledBlock(Block):
         for name, line in self._delay_lines.items():
             newest = np.atleast_1d(changes[name] if name in changes else memory[name])
             queue = context.get_discrete_state(line.queue).value()
-            # The first sample, which the output gives until it has passed through.
+            # At the first sample the queue is infinite. It is filled with this sample, which the output gives until it
+            # has passed through.
             if math.isinf(queue[-1]):
                 queue = np.tile(newest, self._delay)
             discrete.set_value(line.queue, np.concatenate([queue[len(newest) :], newest]))

@@ -1,5 +1,9 @@
 r"""Joint servos from Drake's primitives: PID with a clamped integrator, and saturation.
 
+A servo controls the position of one axis of a robot, by the torque of its motor. A passive axis has no motor. For a
+prismatic joint, read force for torque. The signals that a group of servos reads are stacked in one vector, the bus:
+references, positions, velocities, then reference velocities and feedforward if they are wired (connected).
+
 The law of each joint is that of the Simulink stations (subsystem ``ABB_irb120_qLC``), with an optional integral part:
 
 .. math::
@@ -74,7 +78,7 @@ from simrob_drake.base.renaming import keep_former_attributes
 from simrob_drake.blocks.block import add_and_connect, add_matrix_gain, add_multiplexer
 
 AT_LIMIT = 0.999
-"""A motor is at its limit if it takes at least this share of what it can give, see `ServoGains.torque_shares`."""
+"""A motor is at its limit if it takes at least this share of what it can give (`ServoGains.torque_shares`)."""
 NO_TORQUE = 1e-6
 """Torque below which a passive axis rests by itself [N·m or N]: rounding of sums of weights."""
 CLAMP_TIME = 0.02
@@ -111,8 +115,7 @@ class MotorLine:
         Returns:
             The lower and the upper bounds, each shape (..., n) [N·m].
         """
-        # The line -tau_s - D v <= tau <= tau_s - D v, and |tau| <= cap where the current is
-        # limited.
+        # The line -tau_s - D v <= tau <= tau_s - D v, and |tau| <= cap where the current is limited.
         cap = self.cap(limit)
         lower = np.clip(-self.stall - self.slope * speed, -cap, cap)
         upper = np.clip(self.stall - self.slope * speed, -cap, cap)
@@ -129,14 +132,18 @@ class MotorLine:
         Returns:
             The shares, shape (..., n); 1 is all.
         """
-        # The voltage drives the torque and balances the voltage that the turning motor induces:
-        # both in units of torque, |tau + D v| of tau_s. The current is proportional to the torque.
+        # The voltage drives the torque and balances the voltage that the turning motor induces: both in units of
+        # torque, |tau + D v| of tau_s. The current is proportional to the torque.
         voltage_share = np.abs(torque + self.slope * speed) / self.stall
         current_share = np.abs(torque) / self.cap(limit)
         return np.asarray(np.fmax(voltage_share, current_share))
 
     def cap(self, limit: Vector) -> Vector:
-        """Limits that hold at any speed, shape (n,) [N·m]: those below the stall torque; the others are infinite."""
+        """Limits that hold at any speed, shape (n,) [N·m]: those below the stall torque; the others are infinite.
+
+        Args:
+            limit: torque limits of the motors in both directions, shape (n,) [N·m].
+        """
         return np.where(limit < self.stall, limit, np.inf)
 
 
@@ -333,8 +340,8 @@ def add_servos(
     Returns:
         The torques, size n [N·m], limited if `saturated`.
     """
-    # Indices of the joints of each group, by the name of the group's blocks. The groups keep the order
-    # of the joints, since their torques are stacked at the end.
+    # Indices of the joints of each group, by the name of the group's blocks. The groups keep the order of the joints,
+    # since their torques are stacked at the end.
     groups = {"servo": list(range(len(names)))}
     if per_joint:
         groups = {name: [index] for index, name in enumerate(names)}
@@ -374,6 +381,8 @@ def add_motor(
 ) -> OutputPort:
     """Add the limits of motors to commanded torques: the fall of the torque with speed, if any, and the torque limits.
 
+    If the torque of no motor of the group falls with its speed, only the saturation is added.
+
     Args:
         builder: builder of the diagram.
         command: commanded torques of n joints [N·m].
@@ -390,7 +399,8 @@ def add_motor(
     if gains.line is not None and gains.line.slope[group].any():
         identity = np.eye(len(group))
         slope = gains.line.slope[group, np.newaxis] * speed
-        # The module's equation: add D v, clip to the stall torque, subtract D v.
+        # The module's equation: add D v, clip to the stall torque, subtract D v. Axes whose torque does not fall have
+        # the slope 0.
         command_and_bus = add_multiplexer(builder, f"{name}.drives", command, bus)
         to_drive = np.hstack([identity, slope])
         driven = add_matrix_gain(builder, f"{name}.drive", to_drive, command_and_bus)
@@ -439,6 +449,9 @@ def _add_selector(
         signals: signals of all joints.
         groups: indices of the joints of each group.
         name: name of the block.
+
+    Returns:
+        the block, whose output number i is the bus of group i.
     """
     count = signals.reference.size()
     # The state has the positions of all joints, then, from index `count` on, their velocities.
@@ -487,7 +500,7 @@ def _add_group(
 
     Args:
         builder: builder of the diagram.
-        bus: signals of the group, see `_add_selector`.
+        bus: signals of the group, in the order that the module names.
         gains: gains and limits of all servos.
         group: indices of the joints among these servos.
         signals: signals of all joints, which define what the bus contains.
@@ -528,7 +541,7 @@ def _bus_matrix(
     reference_velocity: Vector,
     feedforward: Vector,
 ) -> Vector:
-    """Put together a matrix (n, size of the bus) that multiplies the bus of a group, see `_add_selector`.
+    """Put together a matrix (n, size of the bus) that multiplies the bus of a group of n joints.
 
     Args:
         signals: signals of all joints. Reference velocity and feedforward are left out if they are not wired.
@@ -547,7 +560,12 @@ def _bus_matrix(
 
 
 def _speeds_of_bus(signals: ServoSignals, count: int) -> Vector:
-    """Matrix (count, size of the bus) from the bus of a group of joints to the joints' speeds."""
+    """Compute the matrix (count, size of the bus) from the bus of a group of joints to the joints' speeds.
+
+    Args:
+        signals: signals of all joints, which define what the bus contains.
+        count: count of joints in the group.
+    """
     zero = np.zeros((count, count))
     return _bus_matrix(
         signals,
@@ -569,7 +587,16 @@ def _add_cascade(
 ) -> OutputPort:
     """Add the cascade of one group of n joints: a loop for the velocities inside of the one for the positions.
 
-    The arguments and the result are those of `_add_group`.
+    Args:
+        builder: builder of the diagram.
+        bus: signals of the group, in the order that the module names.
+        gains: gains and limits of all servos, with a speed limit.
+        group: indices of the joints among these servos.
+        signals: signals of all joints, which define what the bus contains.
+        name: prefix of the names of the blocks.
+
+    Returns:
+        The commanded torques before saturation, size n [N·m].
     """
     assert gains.speed_limit is not None
     identity = np.eye(len(group))
@@ -629,6 +656,9 @@ def add_integral(
         gains: gains and limits of all servos.
         group: indices of the joints among these servos.
         name: prefix of the names of the blocks.
+
+    Returns:
+        the integral part clip(x), size n [N·m].
     """
     count = len(group)
     identity = np.eye(count)
@@ -669,7 +699,7 @@ def set_actuators(
 
     Args:
         plant: the plant.
-        joints: joints of the n axes.
+        joints: joints of the n axes. Those without an actuator, as of passive axes, are left out.
         gains: gains and limits of the servos.
         with_servos: whether PD gains are set, too.
     """
@@ -680,10 +710,11 @@ def set_actuators(
         if joint.index() not in joints:
             continue
         axis = joints.index(joint.index())
-        # The damper of the joint adds to the servo's gain, so the servo gets kd less the damping D.
         actuator.set_effort_limit(float(gains.actuator_limit[axis]))
+        # The damping D of a motor whose torque falls with its speed, in addition to the joint's own.
         joint.set_default_damping(joint.default_damping() + float(gains.damping[axis]))
         if with_servos:
+            # The damper of the joint adds to the servo's gain, so the servo gets kd less the damping D.
             derivative = float(gains.kd[axis] - gains.damping[axis])
             actuator.set_controller_gains(PdControllerGains(p=float(gains.kp[axis]), d=derivative))
 
@@ -706,11 +737,13 @@ def add_actuator_servos(
         instance: the model instance.
         signals: signals of the servos, in axis order.
         gains: gains and limits of the servos, in axis order.
-        actuation_map: matrix from axis torques to actuator torques, shape (actuators, n).
+        actuation_map: matrix from axis torques to actuator torques, shape (actuators, n). Its entries are 0, or the
+            sign 1 or -1 of an axis, so that it also converts positions.
         prefix: prefix of the names of the blocks.
 
     Returns:
-        The torques that the actuators apply, in axis order, size n [N·m].
+        The torques that the motors apply, in axis order, size n [N·m]: those of the actuators, and of the dampers that
+        make the torques fall with the speed. Those of passive axes are 0.
     """
     if len(actuation_map) == 0:  # a robot without any motor has no actuators to connect
         return add_and_connect(
@@ -718,6 +751,7 @@ def add_actuator_servos(
         )
     extra_torques = _extra_torques(builder, signals, gains, prefix)
     driven = ~gains.passive
+    # Without passive axes: whether every servo has a stiffness.
     is_stiff = bool((gains.kp[driven] > 0).all())
     ports = [signals.reference]
     columns: list[Vector] = [np.eye(len(gains.kp))]
@@ -747,6 +781,7 @@ def add_actuator_servos(
     builder.Connect(state, plant.get_desired_state_input_port(instance))
 
     applied = plant.get_net_actuation_output_port(instance)
+    # With entries of 1 and -1, the transpose of the matrix converts the torques back.
     to_axes = actuation_map.T
     if gains.damping.any():
         # The joints' dampers are a part of the motors: their torques -D v count as the motors'.
@@ -773,7 +808,16 @@ def _extra_torques(
 ) -> list[_ExtraTorque]:
     """Find the torques in addition to the PD part: of the reference velocity, the feedforward and the integral part.
 
-    Adds the integrators to the diagram.
+    Adds the integrators to the diagram, if an axis has an integral gain.
+
+    Args:
+        builder: builder of the diagram.
+        signals: signals of the servos, in axis order.
+        gains: gains and limits of the servos, in axis order.
+        prefix: prefix of the names of the blocks.
+
+    Returns:
+        the torques. Parts that are not wired, or have no gain, are left out.
     """
     identity = np.eye(len(gains.kp))
     extra_torques = list[_ExtraTorque]()

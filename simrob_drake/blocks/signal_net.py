@@ -2,6 +2,10 @@
 
 The values of a net are those of :mod:`simrob_drake.blocks.written_net`: the constant 1, the time, the measured values,
 then the outputs of the blocks. An input of a block is a sum of such values with factors.
+
+A continuous block has states that are integrated, or none. A sampled block has a period: it computes at multiples of
+the period, and holds its output in between. A block has feedthrough if its output depends on its inputs at the same
+time; blocks that feed each other so are an algebraic loop, which cannot be computed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -105,8 +109,7 @@ def _computing_order(blocks: Mapping[str, WiredBlock], measured: int) -> list[in
         if not wired_block.block.has_feedthrough:
             continue
         for terms in wired_block.inputs:
-            # Only outputs of blocks have an owner: constant, time and measured values are known
-            # from the start.
+            # Only outputs of blocks have an owner: constant, time and measured values are known from the start.
             needed[name] += [owner[index] for index, _ in terms if index in owner]
 
     number_of = {name: number for number, name in enumerate(blocks)}
@@ -122,7 +125,7 @@ def _count_terms(wired: Sequence[WiredBlock], measured: int, order: Sequence[int
         order: indices of the blocks in the order of their computation.
     """
     slices = output_slices(wired, measured)
-    # Count of terms of each value, if written as an expression.
+    # Count of terms of each value, if written as an expression: 1 for a variable, such as a measured value or a state.
     counts = [1] * (slices[-1].stop if slices else FIRST_MEASURED)
 
     def count_inputs(wired_block: WiredBlock) -> int:
@@ -156,11 +159,12 @@ def _symbolic_net(
         wired: the blocks.
         measured: count of measured values.
         order: indices of the blocks in the order of their computation.
-        integrated: whether the system needs a state, see `signal_net`.
+        integrated: whether the diagram has continuous states, so that the system needs one, too.
     """
     time = Variable("t")
     zero = Expression(0.0)
     measured_variables = [Variable(f"u{number}") for number in range(measured)]
+    # All values of the net. Those of the blocks are 0 until they are computed, in order.
     values: list[Any] = [1.0, Expression(time), *map(Expression, measured_variables)]
     values += [zero] * sum(wired_block.block.size for wired_block in wired)
     slices = output_slices(wired, measured)
@@ -178,7 +182,7 @@ def _symbolic_net(
         )
 
     def inputs_of(number: int) -> list[Any]:
-        """Inputs of a block as expressions, with the values so far."""
+        """Inputs of a block, by its index, as expressions, with the values so far."""
         return [
             sum((factor * values[index] for index, factor in terms), start=zero)
             for terms in wired[number].inputs
@@ -186,6 +190,7 @@ def _symbolic_net(
 
     for number in order:
         block = wired[number].block
+        # Inputs of a block without feedthrough may not be computed yet, and its output does not need them.
         inputs = inputs_of(number) if block.has_feedthrough else []
         outputs = block.output(values[1], states[number], inputs)
         # `zero +` makes an expression of a plain number.
@@ -196,6 +201,7 @@ def _symbolic_net(
             updates = wired_block.block.state_update(states[number], inputs_of(number))
             rates += [zero + rate for rate in updates]
 
+    # A state that stays 0, as Drake needs one to be asked for derivatives.
     if integrated and not state_variables:
         state_variables = [Variable("none")]
         rates = [zero]
@@ -215,6 +221,7 @@ def _common_step(periods: Sequence[float]) -> float:
     Raises:
         ValueError: there is none, or it is too short.
     """
+    # With a common denominator, the step is the greatest common divisor of the numerators.
     fractions = [Fraction(period).limit_denominator(_LARGEST_DENOMINATOR) for period in periods]
     denominator = reduce(lcm, (fraction.denominator for fraction in fractions), 1)
     numerators = [int(fraction * denominator) for fraction in fractions]
@@ -249,7 +256,10 @@ class _NetStates(NamedTuple):
 
 
 class SignalNet(Block):
-    """Compute a net of blocks by Python source that is written for it, see `WrittenNet`.
+    """Compute a net of blocks by Python source that a `WrittenNet` writes and compiles for it.
+
+    The source has three functions: ``outputs`` of the blocks, ``rates``, the derivatives of the continuous states, and
+    ``sample``, what sampled blocks hold after a sample.
 
     Continuous blocks share the station's integration. Sampled blocks, whose periods are multiples of a common step,
     sample together, each with the outputs of the blocks before it at that very time, and hold their outputs in between.
@@ -279,6 +289,7 @@ class SignalNet(Block):
             if wired_block.block.period:
                 periods[number] = wired_block.block.period
         step = _common_step(list(periods.values())) if periods else 0.0
+        # Common steps between two samples of each sampled block, by its index.
         every = {number: round(period / step) for number, period in periods.items()}
         self._written = WrittenNet(wired, measured, _computing_order(blocks, measured), every)
 
@@ -297,7 +308,7 @@ class SignalNet(Block):
         return [1.0, context.get_time(), *measured]
 
     def _states(self, context: Context) -> _NetStates:
-        """Read the states of the net from a context."""
+        """Read the states of the net from a context. A net without sampled blocks holds nothing."""
         continuous = context.get_continuous_state_vector().CopyToVector().tolist()
         if not context.num_discrete_state_groups():
             return _NetStates(continuous, sample=0.0, held=[])
@@ -305,7 +316,14 @@ class SignalNet(Block):
         return _NetStates(continuous, sample=sample, held=held)
 
     def _compute(self, function: str, *arguments: Any) -> list[float]:
-        """Call a function of the net, see `WrittenNet`.
+        """Call a function of the net's source.
+
+        Args:
+            function: name of the function: ``outputs``, ``rates`` or ``sample``.
+            *arguments: its arguments: values of the net, states, and the number of the sample.
+
+        Returns:
+            the numbers that the function returns.
 
         Raises:
             RuntimeError: a block cannot be computed, such as a division by 0.
@@ -314,8 +332,7 @@ class SignalNet(Block):
             computed: list[float] = self._written.functions[function](*arguments)
         except (ArithmeticError, ValueError) as problem:
             steps = walk_tb(problem.__traceback__)
-            # The traceback also contains frames of Drake and of this file; the net's own frame has
-            # the inputs.
+            # The traceback also contains frames of Drake and of this file; the net's own frame has the inputs.
             frame, line = next(step for step in steps if step[0].f_code.co_filename == SOURCE)
             number, input_names = self._written.find_block(line)
             text = message(
@@ -330,7 +347,7 @@ class SignalNet(Block):
         return computed
 
     def _calc_values(self, context: Context, output: BasicVector) -> None:
-        """Compute the outputs of all blocks. Sampled blocks give what they hold."""
+        """Compute the outputs of all blocks. Sampled blocks give what they hold, as no sample is taken here."""
         states = self._states(context)
         known = self._known_values(context)
         no_sample = None

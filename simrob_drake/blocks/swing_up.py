@@ -41,9 +41,10 @@ from simrob_drake.blocks.sampled import Changes, Named, SampledBlock
 from simrob_drake.robots.axis_map import AxisMap
 
 _ANGLE_STEP = 1e-5
-"""Step of the central differences of weights [rad or m]: their error is 1e-10 of the weight, and rounding 1e-11."""
+"""Step of the central differences of holding torques [rad or m]: their error is 1e-10 of these torques, and that of
+rounding 1e-11."""
 _BALANCED = 1e-6
-"""Largest share of the robot's weights that may act on the passive axis in an equilibrium."""
+"""Largest torque on the passive axis in an equilibrium, as a share of the largest holding torque or stiffness."""
 _LEAST_SPEED = 0.05
 """Speed [rad/s or m/s] that a slower passive axis is taken to have, so that the law moves a robot that hangs still."""
 _RELEASE = 2.0
@@ -121,8 +122,7 @@ class AxisDynamics:
         self._set_state(positions, velocities)
         places = self._axes.velocity_places
         signs = self._axes.signs
-        # M of the axes: rows and columns of their joints, with the signs s of the axes: s_i M_ij
-        # s_j.
+        # M of the axes: rows and columns of their joints, with the signs s of the axes: s_i M_ij s_j.
         plant_mass = self._plant.CalcMassMatrix(self._context)
         mass = plant_mass[np.ix_(places, places)] * np.outer(signs, signs)
 
@@ -139,11 +139,15 @@ class AxisDynamics:
         return float(self._plant.CalcPotentialEnergy(self._context))
 
     def weights(self, positions: Vector) -> Vector:
-        """Compute the torques (n,) [N·m or N] that hold the robot at rest at positions (n,)."""
+        """Compute the torques (n,) [N·m or N] that hold the robot at positions (n,), against gravity and springs."""
         return self.terms(positions, np.zeros(len(positions))).bias
 
     def stiffness(self, positions: Vector) -> Vector:
-        """Compute the derivatives of the weights by the positions (n,): shape (n, n) [N·m/rad or N/m]."""
+        """Compute the derivatives of the holding torques (:meth:`weights`) by the positions (n,).
+
+        Returns:
+            the derivatives, shape (n, n) [N·m/rad or N/m]: one row for each torque, one column for each position.
+        """
         # dh/dq_j = (h(q + e_j) - h(q - e_j)) / (2 eps) at rest: one column for each position.
         columns = []
         for step in _ANGLE_STEP * np.eye(len(positions)):
@@ -183,8 +187,7 @@ class Regulator(NamedTuple):
         Args:
             torque_limit: torque limits of the driven axes, shape (m,) [N·m or N].
         """
-        # k S^-1 k' for each row k of the gain: the motor's largest squared torque on the set x' S x
-        # = 1.
+        # k S^-1 k' for each row k of the gain: the motor's largest squared torque on the set x' S x = 1.
         spread = np.einsum("ij,ji->i", self.gain, np.linalg.solve(self.cost, self.gain.T))
         # Holding the posture takes u* of each limit; r k S^-1 k' may reach the square of the rest.
         left = np.maximum(torque_limit - np.abs(self.torque), 0.0)
@@ -205,18 +208,21 @@ def balance_regulator(
         dynamics: the robot.
         driven: whether each axis has a motor, shape (n,).
         upright: posture to be balanced, shape (n,) [rad or m].
-        weights: weights of the cost.
+        weights: weights of the cost that the regulator minimises.
         key: name of the posture, for errors.
+
+    Returns:
+        the regulator, with the linear model for which it is designed.
 
     Raises:
         InvalidParameter: the robot is not in equilibrium there, or its motors cannot balance it.
     """
     # A passive axis rests only if nothing turns it there.
+    # Torques that hold the robot there, of all axes.
     holding = dynamics.weights(upright)
     stiffness = dynamics.stiffness(upright)
     passive_weight = float(np.abs(holding[~driven]).max(initial=0.0))
-    # The scale of the weights: those of an upright posture may all be zero, their derivatives are
-    # not.
+    # The scale of the holding torques: those of an upright posture may all be zero, their derivatives are not.
     most = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
     if passive_weight > _BALANCED * most:
         expected = message(
@@ -226,13 +232,14 @@ def balance_regulator(
         )
         raise InvalidParameter(key, quote_value(upright), expected)
 
-    # The linear model x' = A x + B (u - u*): M q'' = -K q - D q' + u, with the derivatives K of the weights.
+    # The linear model x' = A x + B (u - u*): M q'' = -K q - D q' + u, with the stiffness K.
     count = len(upright)
     mass = dynamics.terms(upright, np.zeros(count)).mass
     accelerations = np.linalg.solve(mass, np.hstack([-stiffness, -np.diag(dynamics.damping)]))
     # The rates of the position errors in x are the velocities in x.
     position_rates = np.hstack([np.zeros((count, count)), np.eye(count)])
     dynamics_matrix = np.vstack([position_rates, accelerations])
+    # Columns of the identity: the torques of the motors among those of all axes.
     torques = np.eye(count)[:, driven]
     input_matrix = np.vstack([np.zeros_like(torques), np.linalg.solve(mass, torques)])
     state_weights = np.diag(np.concatenate([weights.position, weights.velocity]))
@@ -337,7 +344,15 @@ class SwingUp(SampledBlock):
         self._catch_cost = catch * self.regulator.largest_cost(torque_limit[self._driven])
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the torques: those of the regulator near the upright posture, else those of the swing-up."""
+        """Compute the torques: those of the regulator near the upright posture, else those of the swing-up.
+
+        Args:
+            memory: the outputs of the last sample, by name. ``balancing`` decides when the regulator gives up.
+            read: ``position`` and ``velocity`` of the axes.
+
+        Returns:
+            the new outputs, by name.
+        """
         position = read["position"]
         velocity = read["velocity"]
 
@@ -366,9 +381,14 @@ class SwingUp(SampledBlock):
         position: Vector,
         velocity: Vector,
     ) -> float:
-        """Compute the energy E, less the one at rest upright [J]."""
-        # E = v' M v / 2 + U(q). With the other velocities at 0, only M_pp of the passive axis
-        # counts.
+        """Compute the energy E, less the one at rest upright [J].
+
+        Args:
+            terms: terms of the equations of motion in this state.
+            position: positions, shape (n,) [rad or m].
+            velocity: velocities, shape (n,) [rad/s or m/s].
+        """
+        # E = v' M v / 2 + U(q). With the other velocities at 0, only M_pp of the passive axis counts.
         counted = np.where(self._driven, 0.0, velocity) if self._gains.of_passive_axis else velocity
         kinetic = 0.5 * float(counted @ terms.mass @ counted)
         return kinetic + self._dynamics.potential_energy(position) - self._upright_energy
@@ -384,9 +404,9 @@ class SwingUp(SampledBlock):
 
         Args:
             terms: terms of the equations of motion in this state.
-            error: errors of the positions, shape (n,) [rad or m].
+            error: positions less the upright ones, shape (n,) [rad or m].
             velocity: velocities, shape (n,) [rad/s or m/s].
-            energy: error of the energy [J].
+            energy: energy less the one at rest upright, from :meth:`energy_error` [J].
         """
         driven = self._driven
         passive = ~driven

@@ -5,7 +5,8 @@ net), then the outputs of the blocks, block after block. The source has the vari
 values, ``x0`` … for the continuous states of all blocks, ``h0`` … for what sampled blocks hold (their states and
 outputs), ``u0`` … for the inputs of the block at hand, and ``n`` for the number of the sample.
 
-Sampled blocks sample at multiples of a common step. The net's sample n is at n common steps.
+Continuous blocks have states that are integrated. Sampled blocks sample at multiples of a common step, each at every
+second, third ... of these steps, and hold their outputs in between. The net's sample n is at n common steps.
 """
 
 import math
@@ -59,14 +60,25 @@ class NetBlock:
         return 2
 
     def output(self, t: float, x: Values, u: Values) -> Values:
-        """Compute the elements of the output from the time [s], the states and the inputs."""
+        """Compute the elements of the output.
+
+        Args:
+            t: time [s].
+            x: states of the block.
+            u: inputs of the block; empty if it has no feedthrough.
+        """
         return self._output(t, x, u)
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
         raise NotImplementedError
 
     def state_update(self, x: Values, u: Values) -> Values:
-        """Compute the derivatives of the states from the states and inputs; of a sampled block, their next values."""
+        """Compute the derivatives of the states; of a sampled block, their next values. A block may have no states.
+
+        Args:
+            x: states of the block.
+            u: inputs of the block.
+        """
         return ()
 
 
@@ -128,7 +140,7 @@ _NAMES: dict[str, Any] = {**vars(math), "pow": _power, "abs": abs, "min": min, "
 
 
 def _source(value: Any) -> str:
-    """Write a number, a variable, an expression or a formula as Python source."""
+    """Write a number, a variable, an expression or a formula of Drake as Python source, part by part."""
     if isinstance(value, float):
         # `repr` writes all digits: the source has the same number, to the last bit.
         return repr(value)
@@ -136,8 +148,7 @@ def _source(value: Any) -> str:
         # A whole number, or a variable of Drake, whose text is its name in the source.
         return str(value)
 
-    # Drake takes an expression apart into its outermost function and the arguments of this
-    # function.
+    # Drake takes an expression apart into its outermost function and the arguments of this function.
     function, arguments = value.Unapply()
     name = function.__name__
     texts = [_source(argument) for argument in arguments]
@@ -211,12 +222,19 @@ class WrittenNet:
         self._write_sample_function(value_count)
 
         self.functions: dict[str, Any] = dict(_NAMES)
-        # The source is run once to define its functions. The file name marks its lines in a
-        # traceback, by which `SignalNet` finds the block of an error.
+        # The source is run once to define its functions. The file name marks its lines in a traceback, by which
+        # `SignalNet` finds the block of an error.
         exec(compile("\n".join(self._lines), SOURCE, "exec"), self.functions)
 
     def _declare_states(self, number: int, block: NetBlock) -> None:
-        """Append the states of a block at the start to `continuous` or `sampled`, and name their variables."""
+        """Append the states of a block at the start to `continuous` or `sampled`, and name their variables.
+
+        It must be called for the blocks in their order, since the variables are numbered through all blocks.
+
+        Args:
+            number: index of the block.
+            block: the block.
+        """
         is_sampled = number in self._every
         letter = "h" if is_sampled else "x"
         all_states = self.sampled if is_sampled else self.continuous
@@ -233,7 +251,7 @@ class WrittenNet:
         known_count: int,
         value_count: int,
     ) -> None:
-        """Write the function ``outputs``, see the class.
+        """Write the function ``outputs``, which computes the outputs of all blocks, as the class describes it.
 
         Args:
             order: indices of the blocks in the order of their computation.
@@ -249,7 +267,11 @@ class WrittenNet:
         self._end(f"v{index}" for index in range(known_count, value_count))
 
     def _write_rates_function(self, value_count: int) -> None:
-        """Write the function ``rates``, see the class, for a count of all values."""
+        """Write the function ``rates``, which computes the derivatives of the continuous states.
+
+        Args:
+            value_count: count of all values.
+        """
         self._begin(f"{RATES}(v, x)", v=value_count, x=len(self.continuous))
         # Here all outputs are known, so the blocks may be in any order: that of the states.
         rates = list[str]()
@@ -259,12 +281,16 @@ class WrittenNet:
         self._end(rates)
 
     def _write_sample_function(self, value_count: int) -> None:
-        """Write the function ``sample``, see the class, for a count of all values."""
+        """Write the function ``sample``, which computes what sampled blocks hold after a sample.
+
+        Args:
+            value_count: count of all values.
+        """
         self._begin(f"{SAMPLE}(v, h, n)", v=value_count, h=len(self.sampled))
         for number, steps in self._every.items():
             self._write(number, f"if n % {steps} == 0:")
-            # The states are assigned together after all updates, which read the states before the
-            # sample.
+            # The states are assigned together after all updates, which read the states before the sample. The output of
+            # this sample follows them.
             new_states = self._write_state_update(number, "  ")
             new_values = [*new_states, *self._output_variables(number)]
             self._write(number, f"  {_tuple_of(self._variables[number])} = {_tuple_of(new_values)}")
@@ -320,7 +346,12 @@ class WrittenNet:
         return [Expression(Variable(name)) for name in self._state_variables(number)]
 
     def _write_inputs(self, number: int, indent: str) -> list[Any]:
-        """Append the lines that compute the inputs of a block, and return the inputs as expressions."""
+        """Append the lines that compute the inputs of a block, and return the inputs as expressions.
+
+        Args:
+            number: index of the block.
+            indent: spaces before each line, for lines inside of a condition.
+        """
         names = list[str]()
         for position, terms in enumerate(self._wired[number].inputs):
             # A factor of 1 is left out: the multiplication would take time.
@@ -328,12 +359,16 @@ class WrittenNet:
                 f"v{index}" if factor == 1.0 else f"{float(factor)!r} * v{index}"
                 for index, factor in terms
             ]
+            # An input without terms is 0.
             names.append(f"u{position}")
             self._write(number, f"{indent}{names[-1]} = {' + '.join(parts) or '0.0'}")
         return [Expression(Variable(name)) for name in names]
 
     def _write_output(self, number: int) -> None:
-        """Append the lines that compute a block's output. Between samples, a sampled block holds its output."""
+        """Append the lines that compute the output of a block, by its index.
+
+        Between samples, a sampled block gives the output that it holds.
+        """
         block = self._wired[number].block
         names = self._output_variables(number)
         indent = ""
@@ -353,8 +388,12 @@ class WrittenNet:
     def _write_state_update(self, number: int, indent: str = "") -> list[str]:
         """Append the lines that compute the derivatives of a block's states, or their next values.
 
+        Args:
+            number: index of the block.
+            indent: spaces before each line, for lines inside of a condition.
+
         Returns:
-            The variables that hold them.
+            The variables that hold them: ``dx0`` or ``dh0`` and so on. None are written for a block without states.
         """
         states = self._states(number)
         if not states:

@@ -1,4 +1,9 @@
-"""Inverse kinematics in closed form for six-axis arms (AIK in SimRob)."""
+"""Inverse kinematics in closed form for six-axis arms (AIK in SimRob).
+
+A pose of the tool has up to eight postures: two shoulders, with two elbows each, with two wrists each. The index of a
+posture among the eight is 4·shoulder + 2·elbow + wrist. Each axis has an angle only up to whole turns; those turns are
+chosen that bring it into its limits and close to a start.
+"""
 
 import numpy as np
 import numpy.typing as npt
@@ -118,11 +123,16 @@ class AnalyticSolver(Solver):
 
         Args:
             targets: poses of the tool in the base.
-            start: shape (n,) or (k, n); whole turns are chosen near to it.
+            start: one posture (n,) or k postures (k, n) [rad]; whole turns are chosen near to it. Axes that may have
+                any position, or do not move the tool, take theirs from it.
 
         Returns:
-            the postures, shape (k, 8, 6), and whether each reaches the target within the joint limits, shape (k, 8).
-            The index of a posture is 4·(left) + 2·(elbow down) + (flip), where each of the three flags counts 0 or 1.
+            the postures in axis order, shape (k, 8, n) [rad], and whether each reaches the target within the joint
+            limits, up to rounding, shape (k, 8). The index of a posture is 4·(left) + 2·(elbow down) + (flip), where
+            each of the three flags counts 0 or 1.
+
+        Raises:
+            InvalidParameter: targets or a start of wrong shape, or not finite.
         """
         matrices = pose_matrices(targets)
         starts = np.broadcast_to(
@@ -154,8 +164,9 @@ class AnalyticSolver(Solver):
             allowed: indices of the b wanted postures among the eight.
 
         Returns:
-            the closed form with all eight postures; the wanted postures in axis order, shape (k, b, n) [rad]; and the
-            distance of each of their axes beyond its limits, shape (k, b, n) [rad].
+            the closed form with all eight postures, how far each is out of reach [m], and whether a target leaves an
+            axis free (`is_singular`); the wanted postures in axis order, shape (k, b, n) [rad]; and the distance of
+            each of their axes beyond its limits, shape (k, b, n) [rad].
         """
         form = all_postures(self.arm, targets, starts[:, self._order])
         # Axes that do not move the tool, such as fingers, stay as in the start.
@@ -167,7 +178,7 @@ class AnalyticSolver(Solver):
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Choose the posture of each target that is closest to the target's own start.
 
-        Postures that reach the target within the limits come before all others, see :meth:`_penalty`.
+        Postures that reach the target within the limits come before all others, by penalties.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).
@@ -188,7 +199,14 @@ class AnalyticSolver(Solver):
         )
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
-        """Choose the posture of each target that is closest to the posture of the target before."""
+        """Choose the posture of each target that is closest to the posture of the target before.
+
+        Postures that reach the target within the limits come before all others, by penalties.
+
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            start: posture to which that of the first target is the closest, shape (n,) [rad].
+        """
         # The postures of all targets in one call, since only the choice between them depends on the order. Without the
         # posture before, axes that may have any position get the wrong one; those targets are computed again below.
         all_starts = np.tile(start, (len(targets), 1))
@@ -196,6 +214,7 @@ class AnalyticSolver(Solver):
         penalty = self._penalty(form, beyond)
         choices = np.zeros(len(targets), dtype=np.intp)
         last = start
+        # `branches` are the allowed postures of one target: a view, through which `postures` changes.
         for row, branches in enumerate(postures):
             if form.is_singular[row]:
                 # An axis that may have any position takes it from the posture before.
@@ -206,7 +225,7 @@ class AnalyticSolver(Solver):
                 beyond[row] = beyond_again[0]
                 penalty[row] = self._penalty(form_of_row, beyond_again)[0]
             # Whole turns were chosen close to the start; a path that turns on and on needs them close to the posture
-            # before. `angles` is a view, so that the postures change. Each axis stays within its limits.
+            # before. `angles` is a view, too. Each axis stays within its limits.
             for axis, lower, upper in self._wide:
                 angles = branches[:, axis]
                 angles -= TURN * np.rint((angles - last[axis]) / TURN)
@@ -250,6 +269,8 @@ class AnalyticSolver(Solver):
         self, targets: Vector, chosen: Vector, out_of_reach: Vector, beyond: Vector
     ) -> Solutions:
         """Clamp the chosen postures to the limits, remove small errors by numeric search, and check the targets.
+
+        A target that is reached only beyond a rounded limit counts as reached, with a warning that names the axis.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).
@@ -311,8 +332,8 @@ class AnalyticSolver(Solver):
         """Write why a target is not reached.
 
         Args:
-            out_of_reach: distance of the wrist centre beyond what the arm reaches [m].
-            beyond: distance of each axis of the chosen posture beyond its limits, shape (n,) [rad].
+            out_of_reach: distance of the wrist centre beyond what the arm reaches, 0 if it is in reach [m].
+            beyond: distance of each axis of the chosen posture beyond its limits, 0 if it is within, shape (n,) [rad].
         """
         if out_of_reach > _ROUNDING:
             return message(

@@ -1,6 +1,11 @@
 """Kinematics of joints that are given by their screws, for many postures at once.
 
 :class:`Screws` are the joints of a tree, :class:`Chain` those from a robot's base to its tool.
+
+An axis is a joint as the robot counts it: its sense is -1 if it counts against Drake's joint. A posture is the
+positions of all n axes; zero posture has all of them at 0. Some axes, such as those of fingers, need not move the tool;
+the m others are followed from the base outward. The motion of a body is the pose (4, 4) by which it has moved since
+zero posture.
 """
 
 from collections.abc import Sequence
@@ -69,6 +74,9 @@ class Screws:
             positions: one posture (n,) or k postures (k, n) [rad or m].
             name: name of the positions in the message of an error.
 
+        Returns:
+            the postures, shape (k, n). One posture gives k = 1.
+
         Raises:
             InvalidParameter: positions of another shape, or that are not finite.
         """
@@ -94,12 +102,12 @@ class Screws:
     def frames(self, postures: Vector, base: Vector = IDENTITY) -> Vector:
         """Compute how the bodies move from their poses at zero.
 
-        The motions of all joints are exp(Sq) = A + sin(q) B + (1 - cos(q)) C, see :attr:`_exponentials`. They are
-        multiplied from the base outward.
+        The motion of a joint is exp(Sq) = A + sin(q) B + (1 - cos(q)) C, with constant matrices for each axis. The
+        motions are multiplied from the base outward.
 
         Args:
             postures: postures, shape (k, n) [rad or m].
-            base: motion of the base, shape (4, 4) or (k, 4, 4).
+            base: motion of the base, shape (4, 4), (1, 4, 4) or (k, 4, 4).
 
         Returns:
             motions of the base and of the m bodies that the followed axes carry, shape (m + 1, k, 4, 4).
@@ -305,7 +313,8 @@ class Chain(Screws):
         context = plant.CreateDefaultContext()
         in_plant.set_positions(plant, context, np.zeros(len(joints)))
         axes, points = axes_and_points(context, joints, base)
-        # A joint between the base and the world moves the base. Seen from the base, the rest moves the other way.
+        # A joint between the base and the world moves the base. Seen from the base, the rest moves the other way, so
+        # the sense of such a joint on the path is -1.
         senses = np.ones(len(joints))
         for axis, sense in path:
             senses[axis] = sense
@@ -325,14 +334,29 @@ class Chain(Screws):
         )
 
     def with_tool(self, pose: Targets) -> "Chain":
-        """Make the chain to another tool centre point, given as one pose in this chain's tool frame."""
+        """Make the chain to another tool centre point.
+
+        Args:
+            pose: pose of the new tool centre point as seen from the present one: a vector [x y z Rz Ry Rx], a matrix or
+                a RigidTransform.
+
+        Raises:
+            InvalidParameter: the pose has another shape, or is not finite.
+        """
         matrix = one_pose(pose, "tool")
         # The chain has the pose at zero twice, once for its own forward kinematics and once for solvers of Drake.
         in_plant = replace(self.in_plant, tcp=self.in_plant.tcp @ matrix)
         return replace(self, home=self.home @ matrix, in_plant=in_plant)
 
     def forward(self, positions: npt.ArrayLike) -> Vector:
-        """Compute the poses of the tool in the base, shape (k, 4, 4). One posture (n,) gives k = 1."""
+        """Compute the poses of the tool in the base, shape (k, 4, 4).
+
+        Args:
+            positions: one posture (n,), which gives k = 1, or k postures (k, n) [rad or m].
+
+        Raises:
+            InvalidParameter: positions of another shape, or that are not finite.
+        """
         return self.tool_poses(self.frames(self.postures(positions)))
 
     def jacobian(self, positions: npt.ArrayLike) -> Vector:
@@ -340,6 +364,9 @@ class Chain(Screws):
 
         The rows are the velocity of the tool centre point along x, y, z of the base [m/s], then the angular velocity
         about x, y, z [rad/s]. (SimRob orders the last three z, y, x: ``jacobian[:, [0, 1, 2, 5, 4, 3]]``.)
+
+        Args:
+            positions: one posture (n,), which gives k = 1, or k postures (k, n) [rad or m].
         """
         frames = self.frames(self.postures(positions))
         return self.jacobian_at(frames, self.tool_poses(frames)[:, :3, 3])
@@ -361,7 +388,8 @@ class Chain(Screws):
             places: positions of the tool centre point, shape (k, 3) [m].
 
         Returns:
-            the Jacobian, shape (k, 6, n), in the rows of :meth:`jacobian`.
+            the Jacobian, shape (k, 6, n): velocity, then angular velocity, in the frame in which the motion of the base
+            is given.
         """
         # Each axis moves with the body on which it stands, which is the one before in a chain. Shape (m, k, 4, 2).
         carried = frames[:-1] @ self._axes_and_points
@@ -383,9 +411,13 @@ class Chain(Screws):
 
     @property
     def reach(self) -> float:
-        """Upper bound of the distance between the tool and the point of the first moving axis [m]."""
+        """Upper bound of the distance between the tool and the point of the first moving axis [m].
+
+        It is infinite if a prismatic axis that moves the tool has no limit.
+        """
         # A revolute axis keeps the distance from its point to the next one, whatever its position is. A straight line
         # is no longer than the way over all of these points.
+        # From the first moving axis over the others to the tool centre point.
         points = [*self.points[list(self.order)], self.home[:3, 3]]
         distances = sum(float(np.linalg.norm(end - begin)) for begin, end in pairwise(points))
         # A prismatic axis adds its travel from zero.
@@ -418,7 +450,7 @@ def axes_and_points(
     """Compute the axes of joints in a base frame.
 
     Args:
-        context: context of the plant.
+        context: context of the plant, with the posture in which the axes are taken.
         joints: the joints, revolute or prismatic.
         base: the base frame.
 

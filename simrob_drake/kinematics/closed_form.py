@@ -13,10 +13,17 @@ are parallel to axis 2, so axis 1 follows from it. The rest differs:
 * With a parallel wrist, the orientation gives axes 5 and 6, and the sum of the angles of the parallel axes. This leaves
   a triangle of axes 2, 3 and 4.
 
-Each of three steps has two solutions, called shoulder, elbow and wrist; so there are eight postures. The steps are the
-subproblems of Paden and Kahan (Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3).
+Each of three steps has two solutions, called shoulder, elbow and wrist; so there are eight postures. With the right
+shoulder, the upper arm is on the right of axis 1, seen from axis 1 towards the wrist, or, if it has no offset to a
+side, the wrist is on the same side of axis 1 as at zero; with the left one, the arm is turned round and bent backwards.
+With the elbow up, axis 3 is above the line from axis 2 to the end of the forearm. The wrist is flipped if axis 5 is on
+the negative side of the position in which axes 4 and 6 are parallel. The steps are the subproblems of Paden and Kahan
+(Murray, Li & Sastry, A Mathematical Introduction to Robotic Manipulation, 1994, §3.3).
 
 Vectors across axis 2 are written as complex numbers: a turn about axis 2 by q is then a product with exp(iq).
+
+The upper arm leads from axis 2 to axis 3. The forearm leads from axis 3 to the wrist centre or, with a parallel wrist,
+to axis 4; there, the hand leads from axis 4 to the wrist centre. "At zero" is with all axes at 0.
 """
 
 from dataclasses import dataclass
@@ -50,7 +57,7 @@ the error that the solver promises."""
 BRANCHES = 8
 """Count of postures. The index of a posture is 4·shoulder + 2·elbow + wrist, each of which is 0 or 1."""
 SHOULDERS = ("right", "left")
-"""Names of the shoulders 0 and 1 of that index; see :class:`AnalyticSolver`."""
+"""Names of the shoulders 0 and 1 of that index."""
 ELBOWS = ("up", "down")
 """Names of the elbows 0 and 1 of that index."""
 WRISTS = ("no_flip", "flip")
@@ -79,7 +86,7 @@ class NoClosedForm(SimrobError):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SixAxisArm:
-    """Geometry of an arm with six revolute axes that has a closed form, see the module.
+    """Geometry of an arm with six revolute axes that has a closed form.
 
     Axis 1 need not meet axis 2 (the shoulder may be offset along the arm). The wrist centre need not lie in the plane
     of axis 1 and the arm (the shoulder may be offset across the arm, as that of the Puma). Axis 4 need not point at
@@ -111,7 +118,7 @@ class SixAxisArm:
 
     @classmethod
     def of(cls, chain: Chain) -> "SixAxisArm":
-        """Recognise the geometry of a chain.
+        """Recognise the geometry of a chain, from its axes and points at zero.
 
         Args:
             chain: the chain of an arm.
@@ -195,7 +202,9 @@ class SixAxisArm:
 
     @cached_property
     def sign_of_right(self) -> float:
-        """Sign s, 1 or -1, with which axis 1 = middle + s · spread is the right shoulder; see :func:`_solve_shoulder`.
+        """Sign s, 1 or -1, with which axis 1 = middle + s · spread is the right shoulder.
+
+        These are the two solutions of :func:`_solve_shoulder` for axis 1: the same angle to both sides of a middle.
 
         With s = 1 the wrist centre is in front, on the side of axis 1 to which axis 2 × axis 1 points. An arm that is
         offset along axis 2 is then on the left, seen from axis 1 towards the wrist. So s is -1 for such an arm. An arm
@@ -215,6 +224,9 @@ class SixAxisArm:
             axis: index of the axis, 0 to 5.
             angles: angles, shape (...) [rad].
             vectors: vectors, shape (..., 3).
+
+        Returns:
+            the turned vectors, of the common shape of both, (..., 3).
         """
         # v cos(q) + (a × v) sin(q) + a (a·v) (1 - cos(q)) = v + sin(q) (a × v) + (1 - cos(q)) a × (a × v).
         # Vectors are rows here, so that a × v is the product of v with the transposed matrix.
@@ -250,7 +262,7 @@ class SixAxisArm:
         )
         centres = self.shoulder + self.turn(0, q[0], self.upper_arm - self.shoulder + arm)
 
-        # The three axes of the tool, and the vector from the wrist centre to it.
+        # The three axes of the tool, and the vector from the wrist centre to it, at zero. Shape (4, 1, 3).
         columns = np.column_stack([self.home[:3, :3], self.home[:3, 3] - self.centre]).T[
             :, np.newaxis
         ]
@@ -346,6 +358,9 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
         arm: the arm.
         targets: the poses, shape (k, 4, 4).
         starts: positions of axes 1 to 6, shape (k, 6) [rad]. Axes that may have any position get theirs from these.
+
+    Returns:
+        the eight postures of each pose, whether or not it is in reach, and how far it is out of reach.
     """
     # Rotations of the tool from its orientation at zero. The wrist centre is fixed in the tool, so that the pose of the
     # tool gives its position.
@@ -418,6 +433,7 @@ def _solve_shoulder(
     # wrist centre:  v·R(-q) w = (v·w - h u·v) cos q + w·(u × v) sin q + h u·v, where h = u·w.
     height = away @ one
     a = away @ two - height * (one @ two)
+    # The transposed matrix of a cross product gives its negative, hence the sign.
     b = -(away @ (arm.spins[0].T @ two))
     d = arm.side - height * (one @ two)
 
@@ -585,10 +601,11 @@ def _angle_between(one: Vector, other: Vector) -> float:
 
 
 def _angle_about(axis: Vector, begin: Vector, end: Vector) -> Vector:
-    """Compute the angle about an axis from vectors (..., 3) to vectors (..., 3) [rad]."""
+    """Compute the angles about an axis (3,) from vectors (..., 3) to vectors (..., 3), -π to π, shape (...) [rad]."""
     spin = skew(axis).T
     # Vectors may be almost parallel to the axis. Their parts across the axis are compared, since the product of the
-    # vectors themselves would lose what is small.
+    # vectors themselves would lose what is small. A product with `spin` is a × v: the part across the axis, turned by a
+    # right angle. A second one turns it by another right angle, for the sine.
     begin_across = begin @ spin
     end_across = end @ spin
     angle: Vector = np.arctan2(

@@ -1,4 +1,8 @@
-"""Inverse kinematics as a nonlinear program of Drake, with constraints and costs (GIK in SimRob)."""
+"""Inverse kinematics as a nonlinear program of Drake, with constraints and costs (GIK in SimRob).
+
+The variables of a program are the positions of all joints of the chain's plant. Positions and postures here are those
+of the chain's n axes, which may count against their joints.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Any, Literal, NamedTuple, get_args
@@ -129,7 +133,8 @@ class ConstrainedSolver(Solver):
         """Solve the program of one target (4, 4) from a start (n,), then from random postures.
 
         Returns:
-            the first solution without violated constraints, or the one with the smallest sum of violations.
+            the first solution without violated constraints, or the one with the smallest sum of violations, clipped to
+            the joint limits. Its count of steps is that of the programs that were solved.
         """
         start = np.clip(start, self.chain.lower, self.chain.upper)
         program = self._program(target, start)
@@ -168,7 +173,15 @@ class ConstrainedSolver(Solver):
         )
 
     def _errors(self, target: Vector, positions: Vector) -> Vector:
-        """Errors of a posture (n,) that count, shape (1, 6) [m, rad]; the others are 0."""
+        """Compute the errors of a posture that count, by the part of the target that is asked for.
+
+        Args:
+            target: pose of the tool, shape (4, 4).
+            positions: the posture, shape (n,) [rad or m].
+
+        Returns:
+            the errors along and about x, y, z, shape (1, 6) [m, rad]. Those that do not count are 0.
+        """
         errors = pose_errors(target[np.newaxis], self.chain.forward(positions))
         masks = {
             "pose": [1.0, 1.0, 1.0, 1.0, 1.0, 1.0],
@@ -195,7 +208,13 @@ class _Program:
     """A nonlinear program over the positions of a chain's plant."""
 
     def __init__(self, chain: Chain, start: Vector, nearness: float) -> None:
-        """Make a program with the joint limits, and a cost for the distance from a start (n,) with its weight."""
+        """Make a program with the joint limits, and a cost for the distance from a start.
+
+        Args:
+            chain: the axes.
+            start: the start, shape (n,) [rad or m].
+            nearness: weight of the squared distance from the start [1/rad² or 1/m²].
+        """
         in_plant = chain.in_plant
         self._chain = chain
         self._ik = InverseKinematics(in_plant.plant)
@@ -229,10 +248,14 @@ class _Program:
         return self._axes.positions(result.GetSolution(self._ik.q()))
 
     def violations(self, positions: Vector) -> list[_Violation]:
-        """Find the constraints that positions (n,) violate."""
+        """Find the constraints that positions (n,) [rad or m] violate, joint limits and target included.
+
+        If positions are not finite, the constraints that depend on them count as violated, by an amount that is NaN.
+        """
         full = self._axes.spread_positions(positions, self._default_positions)
         violations = []
         for binding in self._prog.GetAllConstraints():
+            # A constraint takes the values of its own variables only.
             evaluator = binding.evaluator()
             value = evaluator.Eval(
                 full[self._prog.FindDecisionVariableIndices(binding.variables())]
@@ -264,6 +287,7 @@ class _Program:
         # Bounds are given in the frame of the target. The tool centre point is at its origin.
         box = RigidTransform(_rotation(target), target[:3, 3])
         free = np.inf
+        # For each constraint by its name: the point of the tool, and the least and largest coordinates of the point.
         points = {
             message("kinematics.target_position", "the target position"): (ORIGIN, ORIGIN, ORIGIN)
         }
@@ -322,11 +346,17 @@ class _Program:
             self._prog.AddCost(cost, self._ik.q())
 
     def add(self, goal: Goal) -> None:
-        """Add a goal, as a constraint or, with weights, as a cost."""
+        """Add a goal, as a constraint or, with weights, as a cost.
+
+        Raises:
+            InvalidParameter: the goal has a value that it cannot have.
+            UnknownName: the goal names an axis or frame that does not exist.
+        """
         constraint = goal.constraint(self._setting)
         # The bounds of a joint are a condition on one variable; all other goals depend on the whole posture.
         q = self._ik.q()
         if isinstance(goal, JointBounds):
+            # A list of one index keeps an array, of one variable.
             q = q[self._axes.position_places[[self._chain.axis_index(goal.axis)]]]
         weights = goal.weights(constraint.num_constraints())
         if weights is not None:
@@ -337,7 +367,15 @@ class _Program:
 
 
 def _violation_cost(constraint: Constraint, weights: Vector) -> Callable[[Any], Any]:
-    """Make the cost Σ w·(distance outside the bounds)², for numbers and for Drake's differentiable scalars."""
+    """Make the cost Σ w·(distance outside the bounds)², for numbers and for Drake's differentiable scalars.
+
+    Args:
+        constraint: the constraint, whose values and bounds have the shape (v,).
+        weights: weights w of the values, shape (v,).
+
+    Returns:
+        a function of the variables of the constraint.
+    """
     lower = constraint.lower_bound()
     upper = constraint.upper_bound()
 

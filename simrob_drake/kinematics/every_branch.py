@@ -4,6 +4,9 @@ A pose of the tool has a finite number of postures if six axes move the tool. Ea
 starts from many random postures. It takes the postures of a target as complete if each of them was found several times
 and their number is even: they are the real roots of a polynomial of degree 16, whose complex roots come in pairs
 (Raghavan & Roth, 1993).
+
+At a singular posture, such as that of a straight wrist, axes can turn against each other without moving the tool. The
+postures are then a *family*, a curve of postures with the same pose of the tool.
 """
 
 from collections.abc import Mapping
@@ -90,6 +93,7 @@ def branches(
         UnknownName: there is no axis of a name in ``held``.
     """
     matrices = pose_matrices(targets)
+    # The first row: `postures` returns an array of postures (1, n).
     begin = chain.postures(start, "start")[0]
     free_chain, moving = _with_held_axes(chain, begin, {} if held is None else held)
     try:
@@ -113,7 +117,8 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
     """Find different postures within the limits that bring the tool to any of the targets, for a motion planner.
 
     For an arm with a closed form these are all postures. For other arms they are the postures that a hundred searches
-    or a few more find, at least one for each target. One search begins at the start, and the others at random postures.
+    or a few more find, with at least one search for each target. One search begins at the start, and the others at
+    random postures.
 
     Args:
         chain: the axes.
@@ -122,7 +127,7 @@ def goal_postures(chain: Chain, targets: Vector, start: Vector, seed: int = 0) -
         seed: seed of the random postures.
 
     Returns:
-        the postures, shape (m, n) [rad or m].
+        the postures, shape (m, n) [rad or m]; m is 0 if none is found.
     """
     try:
         postures, is_good = AnalyticSolver(chain).postures(targets, start)
@@ -198,7 +203,13 @@ def _with_held_axes(
 
 
 def _closed_form_postures(chain: Chain, targets: Vector, start: Vector, moving: Indices) -> Vector:
-    """Compute the postures of targets (k, 4, 4) in closed form, shape (k, 8, n).
+    """Compute the postures of targets (k, 4, 4) in closed form, shape (k, 8, n) [rad], whether or not in reach.
+
+    Args:
+        chain: the axes, with their limits.
+        targets: poses of the tool, shape (k, 4, 4).
+        start: posture close to which whole turns are chosen, shape (n,) [rad].
+        moving: indices of the axes that move.
 
     Raises:
         NoClosedForm: the arm has no closed form, or some of its axes do not move.
@@ -357,6 +368,7 @@ def _steps_in_null_space(chain: Chain, postures: Vector, start: Vector, moving: 
         the steps of the moving axes, shape (b, m) [rad or m].
     """
     _, values, directions = np.linalg.svd(chain.jacobian(postures)[..., moving])
+    # For each row of V', whether its singular value is 0. J has at most six columns, so each row has one.
     is_null = np.zeros(directions.shape[:2], dtype=bool)
     is_null[:, : values.shape[1]] = values < _SINGULAR
     # The rows outside the null space become zero, so that all postures have arrays of one shape.
@@ -374,7 +386,7 @@ def _steps_in_null_space(chain: Chain, postures: Vector, start: Vector, moving: 
 
 
 def _distinct(chain: Chain, postures: Vector, hits: Vector | None = None) -> tuple[Vector, Vector]:
-    """Remove repeated postures.
+    """Remove repeated postures: those whose axes all differ by less than `_SAME`, whole turns aside.
 
     Args:
         chain: the axes.
@@ -398,6 +410,6 @@ def _distinct(chain: Chain, postures: Vector, hits: Vector | None = None) -> tup
 
 
 def _shortest_difference(chain: Chain, ends: Vector, begins: Vector) -> Vector:
-    """Subtract postures (b, n); whole turns of revolute axes do not count."""
+    """Subtract postures (b, n) or (n,) [rad or m]. Whole turns of revolute axes do not count: the result is -π to π."""
     difference = ends - begins
     return difference - np.where(chain.revolute, TURN * np.rint(difference / TURN), 0.0)

@@ -37,13 +37,18 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Setting:
-    """A chain, and the context of its plant in which constraints are evaluated."""
+    """A chain, and the context of its plant in which constraints are evaluated.
+
+    Attributes:
+        chain: the axes, the base and the tool.
+        context: context of the chain's plant. Drake sets its positions in each evaluation of a constraint.
+    """
 
     chain: Chain
     context: Context
 
     def frame(self, name: str) -> tuple[Frame, RigidTransform]:
-        """Find a frame by its name.
+        """Find a frame of the robot by its name.
 
         Args:
             name: a frame of the URDF, ``"tool"`` or ``"base"``.
@@ -88,10 +93,28 @@ class Goal(ABC):
 
     @abstractmethod
     def constraint(self, setting: Setting) -> Constraint:
-        """Make the constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant, or of one axis for :class:`JointBounds`.
+
+        Args:
+            setting: chain and context.
+
+        Raises:
+            InvalidParameter: the goal has a value that it cannot have.
+            UnknownName: the goal names an axis or frame that does not exist.
+        """
 
     def weights(self, size: int) -> Vector | None:
-        """Weights of the cost, shape (size,), one for each value of the condition. None if the goal is a constraint."""
+        """Weights of the cost, one for each value of the condition. Returns None if the goal is a constraint.
+
+        Args:
+            size: count of values of the condition.
+
+        Returns:
+            the weights, shape (size,). One number for all of them is repeated.
+
+        Raises:
+            InvalidParameter: the weights are of another count, negative or not finite.
+        """
         if self.weight is None:
             return None
         weights = np.asarray(self.weight, dtype=float)
@@ -133,7 +156,14 @@ class PositionBounds(Goal):
     frame: Targets = HERE
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Make the constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant.
+
+        Args:
+            setting: chain and context.
+
+        Raises:
+            InvalidParameter: a bound is not a number, or a lower bound is above the upper one; or the frame is no pose.
+        """
         lower, upper = _bounds("PositionBounds", self.lower, self.upper, 3)
         return point_in_box(
             setting, ORIGIN, RigidTransform(one_pose(self.frame, "frame")), lower, upper
@@ -156,7 +186,14 @@ class OrientationCone(Goal):
     axis: Triple = (0.0, 0.0, 1.0)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Make the constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant.
+
+        Args:
+            setting: chain and context.
+
+        Raises:
+            InvalidParameter: the angle is not from 0 to π; or the direction or the axis is zero, or not three numbers.
+        """
         if not 0 <= self.angle <= np.pi:
             raise InvalidParameter(
                 message("kinematics.angle_of_cone", "angle of OrientationCone"),
@@ -190,7 +227,14 @@ class Aiming(Goal):
     axis: Triple = (0.0, 0.0, 1.0)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Make the constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant.
+
+        Args:
+            setting: chain and context.
+
+        Raises:
+            InvalidParameter: the angle is not from 0 to π/2; the axis is zero; or target or axis are not three numbers.
+        """
         if not 0 <= self.angle <= np.pi / 2:
             raise InvalidParameter(
                 message("kinematics.angle_of_aiming", "angle of Aiming"),
@@ -235,7 +279,15 @@ class JointBounds(Goal):
         return cls(axis=axis, lower=value, upper=value, weight=weight)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Make the constraint on the position of this axis alone."""
+        """Make the constraint on the position of this axis alone.
+
+        Args:
+            setting: chain and context.
+
+        Raises:
+            UnknownName: there is no such axis.
+            InvalidParameter: a bound is not a number, or the lower bound is above the upper one.
+        """
         in_plant = setting.chain.in_plant
         sign = in_plant.axes.signs[setting.chain.axis_index(self.axis)]
         lower, upper = _bounds(
@@ -244,7 +296,8 @@ class JointBounds(Goal):
             [self.upper],
             1,
         )
-        # An axis against its joint swaps the bounds, so that they are sorted again.
+        # The constraint is on the joint's position. An axis against its joint (sign -1) swaps the bounds, so that they
+        # are sorted again.
         ends = np.sort(np.concatenate([sign * lower, sign * upper]))
         return BoundingBoxConstraint(ends[:1], ends[1:])
 
@@ -270,7 +323,16 @@ class DistanceBounds(Goal):
     points: tuple[Triple, Triple] = (ORIGIN, ORIGIN)
 
     def constraint(self, setting: Setting) -> Constraint:
-        """Make the constraint on the positions of the whole plant."""
+        """Make the constraint on the positions of the whole plant.
+
+        Args:
+            setting: chain and context.
+
+        Raises:
+            InvalidParameter: a bound is not a number or negative, the lower bound is above the upper one, or a point is
+                not three numbers.
+            UnknownName: there is no such frame.
+        """
         lower, upper = _bounds("DistanceBounds", [self.lower], [self.upper], 1)
         # Drake squares the bounds, and a negative one would then look like a positive one.
         if lower[0] < 0:
@@ -297,11 +359,11 @@ class DistanceBounds(Goal):
 def point_in_box(
     setting: Setting, point: npt.ArrayLike, box: RigidTransform, lower: Vector, upper: Vector
 ) -> Constraint:
-    """Make the constraint that keeps a point of the tool in a box.
+    """Make the constraint that keeps a point of the tool in a box, on the positions of the whole plant.
 
     Args:
         setting: chain and context.
-        point: the point in the tool, shape (3,) [m].
+        point: the point, from the tool centre point in its axes, shape (3,) [m].
         box: pose of the box's frame in the base.
         lower: lower bounds in the frame of the box, shape (3,) [m].
         upper: upper bounds in the frame of the box, shape (3,) [m].
@@ -323,7 +385,7 @@ def point_in_box(
 def _bounds(
     owner: str, lower: npt.ArrayLike, upper: npt.ArrayLike, size: int
 ) -> tuple[Vector, Vector]:
-    """Convert bounds to arrays (size,).
+    """Convert lower and upper bounds to arrays (size,), and check them.
 
     Args:
         owner: name of the goal, for the message of an error.

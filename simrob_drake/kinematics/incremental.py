@@ -87,8 +87,9 @@ class IncrementalSolver(Solver):
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Follow each of k targets from its own start.
 
-        A target that turns the tool by more than the limit keeps its error of rotation, and so counts as not reached,
-        unless the limit is 0.
+        For a target that turns the tool by more than the limit, the tool only goes to its position. The error of
+        rotation is left, so such a target counts as not reached, unless the limit is 0: then rotations are no errors.
+        A target that is reached only beyond a rounded limit counts as reached, with a warning that names the axis.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).
@@ -111,6 +112,7 @@ class IncrementalSolver(Solver):
         errors = pose_errors(targets, self.chain.forward(positions))
         is_accepted = np.zeros(len(targets), dtype=bool)
         is_at_limit = (positions <= self.chain.lower) | (positions >= self.chain.upper)
+        # Wider limits can only help where an axis is at one.
         rows = np.flatnonzero(
             ~self._within(errors) & is_rotation_followed & is_at_limit.any(axis=1)
         )
@@ -182,8 +184,9 @@ class IncrementalSolver(Solver):
         Args:
             target: pose of the tool, shape (4, 4).
             positions: the posture, shape (n,) [rad or m].
-            error: error of the posture, shape (6,) [m, rad].
-            is_rotation_followed: whether the rotation was followed.
+            error: error of the posture along and about x, y, z, shape (6,) [m, rad].
+            is_rotation_followed: whether the tool was turned towards the target, which the limit of rotation may
+                prevent.
         """
         if not is_rotation_followed and np.linalg.norm(error[:3]) <= self._tolerance[0]:
             turn = angle(float(np.linalg.norm(error[3:])))

@@ -1,5 +1,9 @@
 """Weighted numeric inverse kinematics for any chain (W in SimRob): least squares within limits, many targets at once.
 
+An error is a vector of six numbers: the distances to the target along x, y, z [m], and the rotation vector to it about
+x, y, z [rad]. The cost of a posture is the weighted sum of their squares. A search goes from a start to a minimum of
+the cost in steps, and searches for many targets go side by side.
+
 ``scipy.optimize.least_squares`` does the same for one target at a time; along a path of the irb120 its bounded methods
 take 1.6 times as long, and they cannot take targets, or starts for one target, side by side.
 """
@@ -62,7 +66,7 @@ class Fit:
 
     Attributes:
         postures: the postures, shape (k, n) [rad or m].
-        errors: errors that are left along and about x, y, z, shape (k, 6) [m, rad].
+        errors: errors that are left, shape (k, 6) [m, rad].
         costs: sums of the weighted squares of the errors, shape (k,).
         iterations: counts of the steps, shape (k,).
     """
@@ -73,7 +77,7 @@ class Fit:
     iterations: Counts
 
     def rows(self, indices: Indices) -> "Fit":
-        """Return the results of some of the searches."""
+        """Return copies of the results of the searches with the given indices."""
         return Fit(
             self.postures[indices],
             self.errors[indices],
@@ -207,6 +211,9 @@ def fit_postures(
             about the axes of that frame.
         room: distance that axes keep to their limits [rad or m]. Only axes keep it whose range is more than four times
             this distance, and which have it at the start.
+
+    Returns:
+        the postures at which the searches end, whether or not they reach their targets.
     """
     # An axis with a small range would hardly move if it kept the distance on both sides.
     kept_distance = np.where(chain.upper - chain.lower > 4 * room, room, 0.0)
@@ -232,6 +239,7 @@ def fit_postures(
         costs=errors**2 @ weights,
         damping=np.full(count, _FIRST_DAMPING),
     )
+    # Rivals are in a row, so search i has the target i // rivals.
     is_target_reached = np.zeros(count // rivals, dtype=bool)
     is_done = within(errors, weights, tolerance)
     # All searches do their steps side by side, as rows of arrays. Results are written as searches end, and the rest
@@ -298,7 +306,12 @@ def _steps(searches: _Searches, weights: Vector) -> Vector:
 
     .. math:: (J^T W J + \lambda I) \, d = J^T W e
 
-    in which the damping is a share of the cost. Rows and columns of axes that are pressed against a limit are removed.
+    in which the damping :math:`\lambda` is a share of the cost. Rows and columns of axes that are pressed against a
+    limit are removed.
+
+    Args:
+        searches: the k searches, with postures, errors e and derivatives.
+        weights: weights of the errors, the diagonal of W, shape (6,).
     """
     # Right side Jᵀ W e, the negative gradient of half the cost, and Gauss and Newton's approximation Jᵀ W J of the
     # Hessian matrix.
@@ -402,7 +415,8 @@ def settle_at_limits(
     """Accept targets that are out of reach only because limits are rounded. Changes ``postures`` and ``errors``.
 
     A target is accepted if a posture reaches it that is beyond the limits by at most the tolerance for rounding. The
-    posture is then clamped to the limits, so that the tool misses the target slightly.
+    posture is then clamped to the limits, so that the tool misses the target slightly. A warning (``ClampedPosition``)
+    names the axes that were beyond their limits by more than arithmetic rounding.
 
     Args:
         chain: the axes, with their limits.
@@ -419,7 +433,7 @@ def settle_at_limits(
     fit = fit_beyond_limits(chain, targets, postures, weights=weights, tolerance=tolerance)
     is_accepted = np.asarray(within(fit.errors, weights, tolerance))
     if is_accepted.any():
-        # The clamping names "inverse kinematics" in its warning that an axis was beyond its limit.
+        # The second argument names the positions in the warning.
         clamped = chain.limits.clamp(
             fit.postures[is_accepted],
             message("kinematics.inverse_kinematics", "inverse kinematics"),
@@ -497,11 +511,15 @@ class NumericSolver(Solver):
     def _solve_each(self, targets: Vector, starts: Vector) -> Solutions:
         """Search a posture for each of k targets independently.
 
+        The attempts follow each other, each for the targets that are not reached so far: from the start, with rounded
+        limits widened, from random postures; and last, the best compromise for the rest.
+
         Args:
             targets: poses of the tool, shape (k, 4, 4).
             starts: postures from which the searches start, shape (k, n) [rad or m].
         """
-        # First search from the start. A redundant arm keeps some room to its limits, if a target can be reached so.
+        # First search from the start. A redundant arm, of more than six axes that move the tool, keeps some room to its
+        # limits, if a target can be reached so.
         is_redundant = len(self.chain.order) > POSE_SIZE
         fit = self._fit(targets, starts, flat=COARSE, room=_ROOM if is_redundant else 0.0)
         # Indices of the targets that are not reached.
@@ -539,7 +557,10 @@ class NumericSolver(Solver):
         )
 
     def _accept_at_limits(self, fit: Fit, missing: Indices, targets: Vector) -> Flags:
-        """Accept targets that are out of reach only because limits are rounded, see :func:`settle_at_limits`.
+        """Accept targets that are out of reach only because limits are rounded, with a warning.
+
+        A posture that is beyond the limits by at most the tolerance for rounding reaches such a target. This posture,
+        clamped to the limits, becomes the result.
 
         Args:
             fit: the best postures so far for the k targets. Those of accepted targets are changed.
@@ -572,7 +593,18 @@ class NumericSolver(Solver):
     def _fit(
         self, targets: Vector, starts: Vector, *, flat: float, rivals: int = 1, room: float = 0.0
     ) -> Fit:
-        """Search with the weights, tolerance and count of steps of this solver, see :func:`fit_postures`."""
+        """Search with the weights, tolerance and count of steps of this solver, by :func:`fit_postures`.
+
+        Args:
+            targets: poses of the tool, shape (k, 4, 4).
+            starts: postures from which the searches start, shape (k, n) [rad or m].
+            flat: a search ends if a step takes away less than this share of the cost.
+            rivals: count of searches in a row that have the same target. All of them end if one reaches it.
+            room: distance that axes keep to their limits, if they can [rad or m].
+
+        Returns:
+            the postures at which the searches end.
+        """
         return fit_postures(
             self.chain,
             targets,
@@ -592,7 +624,7 @@ class NumericSolver(Solver):
     def _restart(
         self, fit: Fit, missing: Indices, seeds: Vector, targets: Vector, starts: Vector
     ) -> None:
-        """Search each missing target from random postures, and take the best result if it costs less.
+        """Search each missing target from random postures, and take the best result if it costs less. Changes ``fit``.
 
         Args:
             fit: the best postures so far. Those of missing targets are replaced if a search finds a cheaper one.
@@ -641,7 +673,8 @@ def _read_weights(weights: npt.ArrayLike) -> Vector:
 def random_postures(chain: Chain, count: int, seed: int) -> Vector:
     """Draw postures that are evenly distributed between the limits of a chain.
 
-    An axis without a limit is drawn up to half a turn, or a metre, to that side of zero.
+    An axis without a limit is drawn up to half a turn, or a metre, to that side of zero. The same seed gives the same
+    postures.
 
     Args:
         chain: the axes.

@@ -53,9 +53,11 @@ def make_solver(name: str, chain: Chain, **options: Any) -> Solver:
 
     Args:
         name: ``"numeric"`` (SimRob's W), ``"constrained"`` (GIK), ``"analytic"`` (AIK), ``"incremental"`` (JacIK), or
-            the name of a solver that an extension adds. ``"auto"`` is no solver of its own, see :func:`solver_for`.
+            the name of a solver that an extension adds. ``"auto"`` is refused, as it is no solver of
+            its own; :func:`solver_for` takes it.
         chain: chain of joints whose axes the solver moves.
-        **options: options of the solver's class.
+        **options: arguments of the solver's class after the chain, such as tolerances. Those that are left out have the
+            class's default values.
 
     Raises:
         UnknownName: there is no such solver, or the solver has no such option.

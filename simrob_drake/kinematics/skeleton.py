@@ -7,6 +7,9 @@ points lie on the principal axes, at the distances
 .. math:: \pm\sqrt{3 s_k}, \qquad s_k = (\mathrm{tr} J / 2 - J_k) / m
 
 and each has a sixth of the mass m.
+
+"At zero" is with all axes at 0. The motion of a body is the pose (4, 4) by which it has moved since then, in the frame
+of the root link.
 """
 
 from collections.abc import Sequence
@@ -60,13 +63,22 @@ class Skeleton(Screws):
         return np.repeat(self.masses / 6, 6)
 
     def mass_points(self, frames: Vector) -> Vector:
-        """Positions of the mass points, shape (k, 6 (n + 1), 3) [m], from :meth:`frames`."""
+        """Positions of the mass points, shape (k, 6 (n + 1), 3) [m], body by body.
+
+        Args:
+            frames: motions of the bodies in k postures, shape (n + 1, k, 4, 4), from :meth:`frames`.
+        """
         # Shape (n + 1, k, 3, 6): the points of all bodies at once, for all postures.
         points = frames[..., :3, :] @ self.mass_points_at_zero[:, np.newaxis]
         return np.asarray(points.transpose(1, 0, 3, 2).reshape(frames.shape[1], -1, 3))
 
     def link_poses(self, link: str, frames: Vector) -> Vector:
-        """Poses of a named frame, shape (k, 4, 4), from :meth:`frames`."""
+        """Poses of a named frame, shape (k, 4, 4).
+
+        Args:
+            link: name of the frame, one of :attr:`links`.
+            frames: motions of the bodies in k postures, shape (n + 1, k, 4, 4), from :meth:`frames`.
+        """
         body, pose = self.links[link]
         return np.asarray(frames[body] @ pose)
 
@@ -93,7 +105,7 @@ class Skeleton(Screws):
         chain_to_frame = Chain.of_plant(self.plant, joints=joints, base=root, tool=end, signs=signs)
         chain = chain_to_frame.with_tool(tool)
 
-        # A planned walk must not be bent by a limit: that it exceeds one is found, and reported, afterwards.
+        # A planned walk must not be bent by a limit: whether it exceeds one is checked, and reported, afterwards.
         unlimited = np.full(len(indices), np.inf)
         return indices, replace(chain, lower=-unlimited, upper=unlimited)
 
@@ -119,7 +131,15 @@ def _of_package(robot: str) -> Skeleton:
 
 
 def _of_model(model: RobotModel, element: Element | None = None) -> Skeleton:
-    """Make the skeleton of a model, see :func:`skeleton_of`."""
+    """Make the skeleton of a model.
+
+    Args:
+        model: the robot.
+        element: URDF of the robot with the pieces that it carries; the robot's own URDF unless given.
+
+    Raises:
+        InvalidParameter: the robot has a joint that is not an axis, or a prismatic joint.
+    """
     plant, root = held_robot(model, element)
     joints = [plant.GetJointByName(axis.joint) for axis in model.axes.values()]
     _check_joints(model, plant, joints)
@@ -218,7 +238,15 @@ def _links(
 
 
 def _mass_points(body: RigidBody, context: Context) -> Vector:
-    """Compute the six mass points of a body in a context, as homogeneous coordinates, shape (4, 6) [m]."""
+    """Compute the six mass points of a body in the world, by the equation of the module.
+
+    Args:
+        body: the body.
+        context: context of its plant, with the pose of the body.
+
+    Returns:
+        homogeneous coordinates of the points, one a column, shape (4, 6) [m].
+    """
     # Drake gives inertias about the body's origin. The eigenvectors of that about the centre of mass are the principal
     # axes, the columns of `axes`.
     inertia = body.default_spatial_inertia()

@@ -58,7 +58,16 @@ class Unreachable(SimrobError):
         position_error: float,
         rotation_error: float,
     ) -> None:
-        """Write the message: the target (such as ``targets[3]``), the reason, and the errors of the best posture."""
+        """Write the message: the target, the reason, and the errors of the best posture.
+
+        Args:
+            target: name of the target in the message, such as ``targets[3]``.
+            reason: why the target is not reached, in words.
+            index: index of the target in its batch, counted from 0.
+            positions: the best posture that was found, shape (n,) [rad or m].
+            position_error: distance of this posture's tool from the target [m].
+            rotation_error: angle of this posture's tool from the target [rad].
+        """
         errors = message(
             "kinematics.best_solution",
             "the error of the best solution is {distance:.3g} m and {angle}",
@@ -91,7 +100,7 @@ class Solutions:
         reached: whether each target is reached, shape (k,).
         position_error: distance from each target, shape (k,) [m]. Directions that do not count for the solver are
             left out.
-        rotation_error: angle from each target, shape (k,) [rad], likewise.
+        rotation_error: angle from each target, shape (k,) [rad]. Directions that do not count are left out.
         iterations: count of steps for each target, shape (k,); 0 for closed forms.
         reasons: why each target is not reached, in words; empty if the target is reached.
     """
@@ -155,7 +164,8 @@ class Solutions:
         Args:
             row: index of the target in this batch.
             target: name of the target in the message.
-            index: index of the target for the user; ``row`` unless given.
+            index: index of the target in the error, if it is another one for the user, as this batch may be a part of a
+                larger one; ``row`` unless given.
         """
         return Unreachable(
             target,
@@ -258,7 +268,10 @@ class Solver(ABC):
         return self._solve_each(matrices, starts)
 
     def _solve_in_order(self, targets: Vector, start: Vector) -> Solutions:
-        """Solve targets (k, 4, 4), the first from ``start`` (n,), the others from the last solution."""
+        """Solve targets (k, 4, 4) one after the other: the first from ``start`` (n,), each other from the one before.
+
+        The posture of a target that is not reached, the best that was found, is the start for the next one.
+        """
         parts: list[Solutions] = []
         for index in range(len(targets)):
             last = parts[-1].positions if parts else start[np.newaxis]
@@ -286,7 +299,8 @@ def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[V
     upper = chain.upper + _ROUNDING_BEYOND_LIMIT
     # Prismatic axes have no turns; a turn of zero leaves their positions as they are.
     turns = np.where(chain.revolute, TURN, 0.0)
-    # First the turn closest to the reference, then as many whole turns back as it is beyond a limit.
+    # First the position closest to the reference. Then as many whole turns back as it is beyond its upper limit, or
+    # forward as it is beyond its lower one.
     closest = positions - turns * np.round((positions - reference) / TURN)
     turned_down = closest - turns * np.ceil(np.maximum(closest - upper, 0.0) / TURN)
     turned_up = closest + turns * np.ceil(np.maximum(lower - closest, 0.0) / TURN)
@@ -330,7 +344,11 @@ def why_unreached(
         posture: the best posture, shape (n,) [rad or m].
         error: error of the posture along and about x, y, z of the base, shape (6,) [m, rad]; 0 for directions that do
             not count.
-        weights: weights of the errors, shape (6,).
+        weights: weights of the errors, shape (6,); 0 for directions that do not count.
+
+    Returns:
+        the reason, in words: the target is too far away, an axis is at a limit, the posture is singular, or none of
+        these.
     """
     # The most certain reason first: no posture reaches a point that is farther away than the arm is long. This needs
     # neither the limits nor the posture.

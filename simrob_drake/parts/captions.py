@@ -112,11 +112,11 @@ def shown_limits(limits: Vector, units: list[str]) -> str:
 
     Args:
         limits: upper limits, shape (n,); the lower ones are their negatives.
-        units: unit of each limit. Limits of one unit are written together.
+        units: unit of each limit. Limits of one unit are written together, in front of the unit.
     """
 
     def shown_of_unit(own_limits: Vector) -> str:
-        """Write the limits of one unit, without it."""
+        """Write the limits of one unit, shape (k,), without the unit, which `with_units` appends."""
         return f"±{shown_values(own_limits)}"
 
     return with_units(limits, units, shown_of_unit)
@@ -131,8 +131,11 @@ def shown_positions(values: AxisValues, model: RobotModel) -> str:
         model: the robot.
 
     Returns:
-        The names with their positions if a mapping gives them, or only their count if they are many; otherwise the
-        positions, as `shown_values` writes them.
+        The names with their positions if a mapping gives them, or only their count if they are more than `MANY`;
+        otherwise the positions, as `shown_values` writes them. Positions of one unit are written together.
+
+    Raises:
+        SimrobError: a list has a wrong length, or a mapping names an axis that the robot does not have.
     """
     if not isinstance(values, dict):
         positions = model.axis_vector(values, "reference")
@@ -140,6 +143,7 @@ def shown_positions(values: AxisValues, model: RobotModel) -> str:
     # A block has room for a few lines only.
     if len(values) > MANY:
         return message("parts.given_angles", "positions of {count} axes", count=len(values))
+    # `with_units` sorts the texts "axis position" by the units of their axes, and joins those of one unit by commas.
     pairs = [f"{axis} {with_decimal_sign(f'{position:g}')}" for axis, position in values.items()]
     units = [model.unit_names[model.axis_index(axis)] for axis in values]
     return with_units(np.array(pairs), units, ", ".join)

@@ -51,14 +51,14 @@ class CouplingSection(Strict, ABC):
 
     @abstractmethod
     def add(self, plant: StationPlant) -> None:
-        """Add the coupling to a plant that is not finalized."""
+        """Add the coupling to a plant that is not finalized, as a constraint or as force elements."""
 
     def caption(self) -> str:
         """Describe the coupling in words."""
         return self.words.format(it=self)
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that the coupling fits the station. Here: its mode and its solver.
+        """Check that the coupling fits the station: here that a solver, or the references, can hold it.
 
         The kinds of couplings add the checks of their axes and bodies.
 
@@ -67,7 +67,8 @@ class CouplingSection(Strict, ABC):
             station: the station with the coupling.
 
         Raises:
-            SimrobError: the coupling does not fit the station; the message names the key.
+            SimrobError: the station is kinematic and its references do not obey the coupling, or its solver cannot hold
+                the coupling; the message names the key.
         """
         # In a kinematic station only the references can hold a coupling.
         if not station.engine.moves_by_forces and not self.guides_references:
@@ -90,7 +91,10 @@ class CouplingSection(Strict, ABC):
             raise InvalidParameter("solver", station.engine.name, expected)
 
     def is_held(self, engine: Engine) -> bool:
-        """Whether the engine of a station can hold this coupling, by a constraint or by stiff springs."""
+        """Whether the engine (solver) of a station can hold this coupling, by a constraint or by stiff springs.
+
+        It is True, too, if the engine has nothing to hold.
+        """
         # Nothing has to be held in a kinematic station, where the references obey couplings, nor by a coupling that
         # consists of soft springs only, which any engine can simulate.
         if not engine.moves_by_forces or not self.constrains:
@@ -114,7 +118,7 @@ class CouplingSection(Strict, ABC):
     def gap(self, plant: StationPlant, context: Context) -> float:
         """Compute the gap between the parts that the coupling holds together, in a context of the plant [m or rad].
 
-        A coupling that holds nothing together, such as a spring, has the gap 0.
+        It is not negative. A coupling that holds nothing together, such as a spring, has the gap 0.
         """
         return 0.0
 
@@ -127,7 +131,7 @@ class CouplingSection(Strict, ABC):
             context: context of the plant at the start.
 
         Raises:
-            InvalidParameter: the gap of the coupling at the start is too large.
+            InvalidParameter: the gap of the coupling at the start is more than a rounded pose explains (1 mm, 1 mrad).
         """
         # A constraint that is violated at the start would be closed within one step, by an enormous force.
         gap = self.gap(plant, context)

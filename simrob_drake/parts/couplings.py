@@ -76,8 +76,8 @@ def add_bushing(
 
     Args:
         plant: the plant.
-        first: one frame.
-        second: the other frame.
+        first: one frame, with its body.
+        second: the other frame, with its body.
         turns_about_z: leave out the spring and the damper against rotation about z, for a hinge. The free axis must
             not be y: Drake's bushing measures rotations by roll, pitch and yaw, and a pitch of 90 degrees is a
             singularity.
@@ -128,6 +128,10 @@ class Between(Strict, ABC):
     def check_bodies(self, key: str, station: StationContents) -> None:
         """Check that the station has both bodies.
 
+        Args:
+            key: key of the coupling in the station, such as ``couplings.mesh``.
+            station: the station with the coupling.
+
         Raises:
             SimrobError: the station lacks a body; the message names the key.
         """
@@ -135,11 +139,11 @@ class Between(Strict, ABC):
             check_frame(station, f"{key}.{part}", getattr(self, part))
 
     def ends(self, plant: StationPlant) -> list[Attachment]:
-        """Find the two connected frames in a plant: that of `body`, and that of `other`."""
-        # Pose of the connected frame in its body: that of the named frame in the body, times that of the section.
+        """Find the two connected frames in a plant: first the one on `body`, then the one on `other`."""
         ends = []
         for name, own_pose in zip((self.body, self.other), self.own_poses, strict=True):
-            # A body can be named by a frame on it, such as a tool of a robot.
+            # The name may be that of a frame fixed to a body, such as a tool. The pose of the section is given in the
+            # named frame, so its pose in the body is the product of both poses.
             frame = frame_of(plant, name)
             ends.append(Attachment(frame.body(), frame.GetFixedPoseInBodyFrame() @ own_pose))
         return ends
@@ -149,6 +153,9 @@ class Between(Strict, ABC):
 
         Drake 1.51 ends the process at a constraint on the world. So a frame of the world is moved to a body that is
         welded to the world, which all couplings share. The plant must not be finalized.
+
+        Returns:
+            The frame on `body`, then the frame on `other`.
         """
         multibody = plant.plant
         world = multibody.world_body()
@@ -167,6 +174,7 @@ class Between(Strict, ABC):
 
     def relative_pose(self, plant: StationPlant, context: Context) -> RigidTransform:
         """Pose of the frame on `other`, in the frame on `body`, in a context of the plant."""
+        # Poses of both frames in the world.
         first, second = (
             plant.plant.EvalBodyPoseInWorld(context, end.body) @ end.pose
             for end in self.ends(plant)
@@ -187,7 +195,11 @@ class BetweenPoints(Between, CouplingSection):
     """Position of the point on the other body [m]; in the world's axes unless `other` is given."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check the station's mode and solver, that it has both bodies, and that they are not the same.
+        """Check the station's mode and solver, that it has both bodies, and that their names are not the same.
+
+        Args:
+            key: key of the coupling in the station, for errors.
+            station: the station with the coupling.
 
         Raises:
             SimrobError: the coupling does not fit the station, which may lack a body, or both names are the same.
@@ -280,6 +292,10 @@ class BetweenFrames(Between, CouplingSection):
     def check(self, key: str, station: StationContents) -> None:
         """Check the station's mode and solver, and that it has both bodies.
 
+        Args:
+            key: key of the coupling in the station, for errors.
+            station: the station with the coupling.
+
         Raises:
             SimrobError: the coupling does not fit the station, which may lack a body.
         """
@@ -314,7 +330,7 @@ class Weld(BetweenFrames):
         plant.plant.AddWeldConstraint(first.body, first.pose, second.body, second.pose)
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Difference of the two frames: the larger of their distance [m] and the angle between them [rad]."""
+        """Difference of the two frames: the larger number of their distance [m] and the angle between them [rad]."""
         # The relative pose of a closed weld is the identity.
         turn = self.relative_pose(plant, context).rotation()
         return max(self.distance(plant, context), float(turn.ToAngleAxis().angle()))
@@ -352,7 +368,7 @@ class Hinge(BetweenFrames):
             )
 
     def gap(self, plant: StationPlant, context: Context) -> float:
-        """Difference of the two frames: the larger of their distance [m] and the angle between their z axes [rad]."""
+        """Difference of the two frames: their distance [m] or the angle of their z axes [rad], the larger number."""
         # The frames may turn about z against each other, so only the angle between their z axes counts.
         rotation = self.relative_pose(plant, context).rotation().matrix()
         # The entry zz of the rotation is the cosine of that angle, up to rounding.
@@ -443,7 +459,7 @@ class Gear(CouplingSection):
         return engine.constrains_gears
 
     def equation(self, key: str) -> Equation:
-        """Make the gear's equation between positions of axes. ``key``, its key in the station, is the label."""
+        """Make the gear's equation between positions of axes, which references obey. Its label is the gear's key."""
         return Equation(key, self.ratios, self.total)
 
     def _axis_ratios(self, robot: StationRobot) -> Vector:
@@ -452,7 +468,7 @@ class Gear(CouplingSection):
         return np.array([self.ratios.get(f"{robot.prefix}{axis}", 0.0) for axis in robot.axes])
 
     def constant_sum(self, plant: StationPlant) -> float:
-        """Constant of the gear's equation [rad or m]: ``total``, or else the sum in the initial posture."""
+        """Constant c of the gear's equation [rad or m]: ``total``, or else the sum in the robots' initial postures."""
         if self.total is not None:
             return self.total
         initial_sum = 0.0
@@ -482,7 +498,11 @@ class Gear(CouplingSection):
         return abs(present_sum - self.constant_sum(plant))
 
     def add(self, plant: StationPlant) -> None:
-        """Add the gear as a constraint to a plant that is not finalized, if the plant's solver holds constraints."""
+        """Add the gear as a constraint to a plant that is not finalized, if the plant's solver holds constraints.
+
+        Otherwise nothing is added here: `add_forces` adds a spring later, or another engine has a constraint of its
+        own.
+        """
         if not plant.holds_constraints:
             return
         # sum(r_i q_i) = total, in the positions of the plant's joints.
@@ -496,7 +516,7 @@ class Gear(CouplingSection):
             offset = total / first.ratio
             plant.plant.AddCouplerConstraint(first.joint, second.joint, gear_ratio, offset)
         else:
-            # A tendon of length sum(ratios * q) - total, whose lower and upper limit are 0.
+            # A tendon of length sum(ratios * q) - total, whose lower and upper limit are 0: the last three arguments.
             joints = [entry.joint.index() for entry in coupled]
             ratios = [entry.ratio for entry in coupled]
             plant.plant.AddTendonConstraint(joints, ratios, -total, 0.0, 0.0)
@@ -525,7 +545,8 @@ class Gear(CouplingSection):
         for robot in site.plant.robots.values():
             axis_ratios = self._axis_ratios(robot)
             axis_count = len(axis_ratios)
-            # The robot's state matrix gives the positions of its axes, and then their velocities.
+            # The product of the robot's state matrix (2 n, nq + nv) with the plant's state has the positions of the
+            # axes, then their velocities.
             state_matrix = robot.axis_map.state_matrix
             sum_row += axis_ratios @ state_matrix[:axis_count]
             rate_row += axis_ratios @ state_matrix[axis_count:]
@@ -534,12 +555,13 @@ class Gear(CouplingSection):
         # The inertia that the spring feels at the start is 1 / (ratios M^-1 ratios), with the mass matrix M.
         inverse_mass = np.linalg.inv(plant.CalcMassMatrix(plant.CreateDefaultContext()))
         stiffness = STIFFNESS_PER_INERTIA / (ratios @ inverse_mass @ ratios)
-        # The force is the product of this row with the vector (state, 1). The 1 brings in the constant c.
+        # The force f is the product of this row with the vector (state, 1). The 1 brings in the constant c.
         force_row = stiffness * np.append(
             -sum_row - DAMPING_TIME * rate_row, self.constant_sum(site.plant)
         )
         one = add_and_connect(builder, f"{key}.one", ConstantVectorSource([1.0]))
         state_and_one = add_multiplexer(builder, f"{key}.bus", site.state, one)
+        # Generalized forces of the plant, shape (nv,): ratios f.
         forces = add_matrix_gain(
             builder, f"{key}.force", np.outer(ratios, force_row), state_and_one
         )

@@ -153,7 +153,7 @@ class PlantBlock(Protocol):
 
 
 def missing_methods(block: Any) -> list[str]:
-    """Names of the methods of :class:`PlantBlock` that an object lacks."""
+    """Names of the methods and the attribute of :class:`PlantBlock` that an object lacks. Empty if it has all."""
     # `outputs` is only annotated in the class, so it is not among its names, and is added below.
     required = [name for name in vars(PlantBlock) if not name.startswith("_")]
     return [name for name in (*required, "outputs") if not hasattr(block, name)]

@@ -129,13 +129,14 @@ class ForceSection(Strict, ABC):
                 message("parts.leave_out_or_dynamic", "leave it out, or set mode: dynamic"),
             )
         if self.at is not None:
-            movable_frames = [name for name in frame_names(station) if name != WORLD]
             # The world is a frame, too, but a force on it would move nothing.
+            movable_frames = [name for name in frame_names(station) if name != WORLD]
             known = [*station.robots, *movable_frames]
             kind = message(
                 "parts.place_of_force", "robot, tool, link or piece for {key}.at", key=key
             )
             one_of(kind, self.at, known)
+        # It raises an error if `at` is left out and there is no only robot.
         self.place_name(key, station)
 
     def place_name(self, key: str, station: StationContents) -> str:
@@ -209,9 +210,10 @@ def add_force(
 
 
 def place_of(plant: StationPlant, place: str) -> ForcePoint:
-    """Find the point at which a force acts on a robot, tool, link or piece of a name.
+    """Find the point at which a force acts on a robot, tool, link or piece, by its name.
 
-    On a robot it is the centre of mass of the root link, otherwise the origin of the frame.
+    On a robot it is the centre of mass of the root link, and the frame is that of the root link. Otherwise it is the
+    origin of the frame of the tool, link or piece.
     """
     if place not in plant.robots:
         return ForcePoint(frame_of(plant, place), np.zeros(3))
@@ -253,7 +255,7 @@ class Push(ForceSection):
         return tuple(edge for edge in edges if edge >= 0)
 
     def trajectory(self) -> Trajectory:
-        """Force over time, shape (3, 1) [N]."""
+        """Force over time, shape (3, 1) [N]: zero, the force from `start` on, and zero again from `end` on."""
         force = np.array(self.force)
         zero = np.zeros(3)
         # A hold keeps each value until the next time. Its last value counts after the last time, which comes after all
@@ -342,7 +344,7 @@ class Drag(ForceSection):
         return np.array(self.point)
 
     def trajectory(self) -> Trajectory:
-        """Targets over time, shape (4, 1): 1 while a target pulls and otherwise 0, then its position [m]."""
+        """Targets over time, shape (4, 1): 1 while a target pulls, otherwise 0; then its position in the world [m]."""
         count = len(self.targets)
         with_target = np.column_stack([np.ones(count), np.array(self.targets)])
         before = np.zeros(4)
@@ -371,7 +373,8 @@ class Drag(ForceSection):
             name: prefix of the block's name.
             frame: frame in whose axes the force is given.
             point: point of the frame at which the spring pulls, shape (3,) [m].
-            source: port of the target, size 4, see `trajectory`.
+            source: port of the target, size 4: 1 while a target pulls and otherwise 0, then its position in the world
+                [m].
 
         Returns:
             The port of the force, size 3 [N], along the axes of the frame.
@@ -449,7 +452,15 @@ class DragSpring(SampledBlock):
         self._scratch = plant.CreateDefaultContext()
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the force at this sample."""
+        """Compute the force at this sample.
+
+        Args:
+            memory: memory before the sample, which has no effect.
+            read: target and state of the plant.
+
+        Returns:
+            The new force in the axes of the frame, shape (3,) [N].
+        """
         has_target = read["target"][0]
         if not has_target:
             return {"force": np.zeros(3)}

@@ -1,7 +1,7 @@
 """Ground of a station: a level or inclined floor, and boxes to stand on.
 
 The boxes are those of the floor's terrain, and pieces that are fixed in the world. All heights above the ground, and
-all directions away from it, are computed here.
+all directions away from it, are computed here. Points are given in the world [m], in arrays with a row x y z for each.
 """
 
 from dataclasses import dataclass, field
@@ -72,39 +72,61 @@ class Ground:
         return RigidTransform(RotationMatrix(AngleAxis(self.incline, rotation_axis)), np.zeros(3))
 
     def floor_heights(self, points: Vector) -> Vector:
-        """Compute the height of the floor below or above each of m points (m, 3), shape (m,) [m]."""
-        # A point of the plane fulfils n_x x + n_y y + n_z z = 0.
+        """Compute the height z in the world at which the floor's plane is below or above each of m points.
+
+        Args:
+            points: shape (m, 3) [m]. Their own heights have no effect.
+
+        Returns:
+            The heights, shape (m,) [m].
+        """
+        # The plane goes through the origin: a point of it fulfils n_x x + n_y y + n_z z = 0.
         normal = self.floor_pose.rotation().col(2)
         return np.asarray(-(points[:, :2] @ normal[:2]) / normal[2])
 
     def beneath(self, points: Vector) -> Vector:
-        """Compute the height of the highest ground beneath each of m points (m, 3), shape (m,) [m]."""
+        """Compute the height z in the world of the highest ground beneath each of m points.
+
+        The plane of the floor counts for all points, also for those below it, and without a floor.
+
+        Args:
+            points: shape (m, 3) [m].
+
+        Returns:
+            The heights, shape (m,) [m].
+        """
         # At least one group, which is empty if there are no points.
         groups = np.array_split(points, 1 + len(points) // _POINTS_AT_ONCE)
         return np.concatenate([self._beneath_few(group) for group in groups])
 
     def _beneath_few(self, points: Vector) -> Vector:
-        """Compute the same as `beneath`, with arrays whose sizes are the products of boxes and points."""
+        """Compute the same as `beneath`, for few points: the arrays have the sizes boxes times points."""
         # The depth is measured along the normal, so the plane of that depth lies lower by depth / n_z.
         normal_z = self.floor_pose.rotation().matrix()[2, 2]
         floor_heights = self.floor_heights(points) - self.depth / normal_z
         tops = self._box_tops(points)
-        # The top of a box above the point, such as a table under which a robot stands, does not count.
+        # Tops of boxes on the vertical lines through the points, shape (k, m). The top of a box above the point, such
+        # as a table under which a robot stands, does not count.
         is_beneath = tops <= points[:, 2] + _CONTACT_DEPTH
         tops_beneath = np.where(is_beneath, tops, -np.inf)
         return np.asarray(np.maximum(floor_heights, tops_beneath.max(axis=0, initial=-np.inf)))
 
     def height(self, pose: Vector) -> float:
-        """Compute the height of a pose (7,) or a point (3,) above the ground beneath [m]."""
+        """Compute the height of a pose (7,) or a point (3,) above the ground beneath [m]. A pose begins with x y z."""
         # Most stations have level ground. There, this is fast enough to be called in every step.
         if self.is_level_plane:
             return float(pose[2])
         return float(pose[2] - self.beneath(pose[np.newaxis, :3])[0])
 
     def carries(self, points: Vector, within: float) -> bool:
-        """Check that each of m points (m, 3) has something to stand on beneath, within a distance [m].
+        """Check that each of m points has something to stand on beneath, within a distance.
 
-        With a floor this is always true, whatever the distance: the floor is beneath every point.
+        With a floor this is always true, whatever the distance: the floor is beneath every point. Without a floor it is
+        false if there are no points, for example of a robot without feet.
+
+        Args:
+            points: shape (m, 3) [m].
+            within: largest distance from a point down to the top of a box [m].
         """
         if self.has_floor:
             return True
@@ -112,7 +134,7 @@ class Ground:
         is_beneath = tops <= points[:, 2] + _CONTACT_DEPTH
         is_close = tops >= points[:, 2] - within
         can_stand = is_beneath & is_close  # (boxes, points)
-        return bool(can_stand.any(axis=0).all())
+        return len(points) > 0 and bool(can_stand.any(axis=0).all())
 
     @cached_property
     def _all_boxes(self) -> _Boxes:
@@ -127,14 +149,15 @@ class Ground:
         )
 
     def _boxes_near(self, points: Vector) -> _Boxes:
-        """Select the boxes that may be below or above one of m points (m, 3)."""
+        """Select the boxes that may be below or above one of m points (m, 3). There are none without points."""
         boxes = self._all_boxes
         # No corner of a box is farther from its middle than half of its diagonal. So the middle of a box near the
         # points lies in the rectangle of the points, extended by that on all sides.
         half_diagonals = np.linalg.norm(boxes.halves[:, 0], axis=1)[:, np.newaxis]
         points_xy = points[:, :2]
-        lowest_xy = points_xy.min(axis=0) - half_diagonals
-        highest_xy = points_xy.max(axis=0) + half_diagonals
+        # Without points, the minimum is infinite and the maximum minus infinite, so that no box is between them.
+        lowest_xy = points_xy.min(axis=0, initial=np.inf) - half_diagonals
+        highest_xy = points_xy.max(axis=0, initial=-np.inf) + half_diagonals
         middles_xy = boxes.middles[:, 0, :2]
         is_between = (middles_xy >= lowest_xy) & (middles_xy <= highest_xy)
         is_near = is_between.all(axis=1)

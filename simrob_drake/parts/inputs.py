@@ -32,16 +32,17 @@ class InputPorts(dict[str, InputPort]):
             prefixes: prefixes of the names of the dynamic robots, which may have the inputs `LISTABLE`.
         """
         super().__init__()
-        # Only dynamic robots can have these inputs: for others an error must not propose them.
+        # The key of an input by its full name, with the prefix of the robot. Only dynamic robots can have these inputs:
+        # for others an error must not propose them.
         self._listable = {f"{prefix}{key}": key for prefix in prefixes for key in LISTABLE}
 
     def __missing__(self, name: object) -> NoReturn:
-        """Raise the error of a name that is not in the mapping.
+        """Raise the error of a name that is not in the mapping. It proposes the nearest name.
 
         Raises:
             UnknownKey: always. It is a KeyError, too.
         """
-        # The nearest name may be that of an input that the station does not have, since it does not list it.
+        # The nearest name may be that of an input that the station could have, but does not list.
         what = message("parts.input", "input")
         listable = {
             full_name: key for full_name, key in self._listable.items() if full_name not in self
@@ -50,6 +51,7 @@ class InputPorts(dict[str, InputPort]):
         if close not in listable:
             # The error proposes the nearest name among the inputs that the station has.
             raise UnknownKey(what, name, self)
+        # The error proposes to list the input.
         remedy = message(
             "parts.list_the_input",
             "; the input '{input}' exists if the key inputs of the station lists it, as in "

@@ -68,7 +68,11 @@ class Kinds:
     def model(self, kind: str) -> type[BaseModel]:
         """Import the class of a kind.
 
+        Args:
+            kind: name of a kind that the family has, of the core or of an extension.
+
         Raises:
+            KeyError: there is no such kind.
             BrokenExtension: the kind is one of an extension whose module cannot be imported, or the class is not
                 derived from that of the family.
         """
@@ -78,7 +82,8 @@ class Kinds:
                 additions(self._point)[kind], self._extension_base
             )
             return added
-        # The module is imported only here: a station pays for the kinds that it names.
+        # The module is imported only here: a station pays for the kinds that it names. The text is
+        # "package.module.Class".
         module, _, name = f"{self._family}.{self._classes[kind]}".rpartition(".")
         model: type[BaseModel] = getattr(import_module(module), name)
         return model
@@ -94,7 +99,7 @@ class Kinds:
 
     @cached_property
     def models(self) -> dict[str, type[BaseModel]]:
-        """Classes of all kinds, by kind. Kinds of extensions that cannot be imported are missing."""
+        """Classes of all kinds, by kind; all of them are imported. Kinds of broken extensions are missing."""
         # A class of the core that cannot be imported is an error; a broken kind of an extension is left out.
         core = {kind: self.model(kind) for kind in self._classes}
         return core | classes_of_extensions(self._point, self._extension_base)
@@ -109,15 +114,20 @@ class Kinds:
     def names_are_kinds(self) -> BeforeValidator:
         """Validator of a mapping of sections: a section without ``kind`` has the kind of the section's name.
 
-        For example, ``sensors: {imu: {rate: 100}}`` and ``sensors: {imu: }`` are sensors of the kind ``imu``.
+        For example, ``sensors: {imu: {rate: 100}}`` and ``sensors: {imu: }`` are sensors of the kind ``imu``. A section
+        whose name is no kind is not changed.
         """
 
         def with_kinds(entries: Any) -> Any:
-            """Add the missing kinds to sections by name. Wrong content is left to pydantic, which reports it."""
+            """Add the missing kinds to a mapping of sections by name, and return it as a new mapping.
+
+            Wrong content is left to pydantic, which reports it.
+            """
             if not isinstance(entries, dict):
                 return entries
             completed = {}
             for name, entry in entries.items():
+                # An empty section is None.
                 lacks_kind = entry is None or (isinstance(entry, dict) and "kind" not in entry)
                 if lacks_kind and name in self:
                     completed[name] = {"kind": name, **(entry or {})}
@@ -130,7 +140,8 @@ class Kinds:
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
         """Make pydantic check a section by the class of the kind that it names.
 
-        A plain function, instead of pydantic's own union of classes, which would import the classes of all kinds.
+        The schema is a plain function, instead of pydantic's own union of classes, which would import the classes of
+        all kinds.
         """
         return core_schema.no_info_plain_validator_function(self._check)
 
@@ -149,7 +160,7 @@ class Kinds:
 
         Raises:
             ValidationError: the section is wrong, by pydantic.
-            SimrobError: an extension that is not installed has this kind.
+            SimrobError: an extension that is not installed has this kind, or the module of an extension is broken.
         """
         # pydantic also validates a section that is already an object, such as one given in Python.
         kind = section.get("kind") if isinstance(section, dict) else getattr(section, "kind", None)
@@ -162,7 +173,10 @@ class Kinds:
         return self._validator(known_kind).validate_python(section)
 
     def _make_validator(self, kind: str | None) -> SchemaValidator:
-        """Make the validator of a kind. Without a kind, it is one of all kinds, whose error lists them."""
+        """Make the validator of sections of a kind.
+
+        If the kind is None, it is a validator of all kinds, whose error for an unknown kind lists them.
+        """
         models = self.models if kind is None else {kind: self.model(kind)}
         for model in models.values():
             model.model_rebuild()  # finds classes that were not imported yet when the model was made

@@ -105,7 +105,7 @@ def add_joint_servos(
         name: prefix of the names of the blocks, with a dot after it.
 
     Returns:
-        the ports. Connect ``reference`` and, if asked for, the other inputs.
+        The ports. Connect ``reference`` and, if asked for, the other inputs.
 
     Raises:
         UnknownName: there is no such joint or motor.
@@ -187,7 +187,7 @@ def add_monitor(
 
     Args:
         builder: builder of the diagram.
-        watched: the output ports whose values the two functions get, in this order.
+        watched: the output ports whose values the two functions get, in this order, by names for the monitor's inputs.
         excess: computes by how much the condition is exceeded. It holds where this is not negative.
         why: reason in words, for the message of the simulator's status.
         hold: how long the condition must last [s].
@@ -222,8 +222,8 @@ def add_joint_limit_monitor(
         builder: builder of the diagram that contains the plant.
         plant: the plant, finalized.
         joints: names of the joints; None means all joints of the model instance with one axis.
-        margin: distance from a limit at which the run ends [rad or m].
-        model_instance: model instance of the joints, as in :func:`add_joint_servos`.
+        margin: distance before a limit at which the run ends [rad or m].
+        model_instance: model instance of the joints. It may be None if only one has joints of these names.
         hold: how long a joint must be there [s].
         name: name of the block.
 
@@ -241,16 +241,19 @@ def add_joint_limit_monitor(
     units = ["m" if isinstance(joint, PrismaticJoint) else "rad" for joint in found]
 
     def distances_beyond(state: Vector) -> Vector:
-        """Compute how far each joint is beyond its nearer limit moved inward by the margin, shape (n,)."""
+        """Compute how far each joint is beyond its nearer limit moved inward by the margin, shape (n,) [rad or m].
+
+        The state is that of the plant, positions and then velocities. The result is negative within the limits.
+        """
         positions = state[places]
         return np.asarray(np.maximum(lower - positions, positions - upper) + margin)
 
     def excess(state: Vector) -> float:
-        """Compute how far the worst joint is beyond its limit moved inward by the margin."""
+        """Compute how far the worst joint is beyond its limit moved inward by the margin [rad or m]."""
         return float(distances_beyond(state).max())
 
     def why(state: Vector) -> str:
-        """Name the joint and its position."""
+        """Give the reason of the end: the worst joint and its position."""
         worst = int(np.argmax(distances_beyond(state)))
         position = float(state[places][worst])
         if margin > 0:
@@ -305,6 +308,7 @@ def add_contact_sensor(
         SimrobError: the plant is not finalized.
     """
     _check_plant(builder, plant)
+    # If it is None, the sensor takes the world's frame.
     felt_at = None if frame is None else plant.get_frame(_frame_index(plant, frame, model_instance))
     own_body = _body_of(plant, body, model_instance)
     other_body = None if other is None else _body_of(plant, other, None)
@@ -428,7 +432,7 @@ def _joints_of(
 
     Args:
         plant: the plant.
-        names: names of the joints; None means all joints of one axis.
+        names: names of the joints; None means all joints that turn or slide about one axis.
         model_instance: model instance of the joints; None means any.
 
     Returns:
@@ -483,7 +487,7 @@ def _joints_of(
 
 
 def _without_actuator(plant: MultibodyPlant, joints: Sequence[Joint]) -> Flags:
-    """Find which joints have no actuator, shape (n,)."""
+    """Find whether each joint has no actuator, shape (n,), and so is passive."""
     actuators = [
         plant.get_joint_actuator(JointActuatorIndex(index))
         for index in range(plant.num_actuators())
@@ -496,7 +500,8 @@ def _effort_limits(plant: MultibodyPlant, joints: Sequence[Joint]) -> Vector:
     """Effort limit of each joint's first actuator, shape (n,) [N·m]. It is 0 if a joint has no actuator."""
     limits = np.zeros(len(joints))
     places = {int(joint.index()): place for place, joint in enumerate(joints)}
-    # From the last to the first: a joint's first actuator is its motor, and further ones may be its friction.
+    # From the last to the first, so that the first one remains: a joint's first actuator is its motor, and further ones
+    # may be its friction.
     for index in reversed(range(plant.num_actuators())):
         actuator = plant.get_joint_actuator(JointActuatorIndex(index))
         place = places.get(int(actuator.joint().index()))
@@ -517,13 +522,14 @@ def _values(
     Args:
         key: name of the argument, for errors.
         value: one value, n values, or values by name.
-        names: names of the joints.
-        passive: which joints are passive, shape (n,).
-        otherwise: values of joints that a mapping leaves out.
+        names: names of the n joints.
+        passive: whether each joint is passive (has no actuator), shape (n,).
+        otherwise: value, or values (n,), of joints that a mapping leaves out.
 
     Raises:
         UnknownName: the mapping has a name that is no joint.
-        InvalidParameter: the count of values differs, or a passive joint gets one by its name.
+        InvalidParameter: the count of values differs, a passive joint gets one by its name that is not 0, or a value is
+            not finite (except torque limits).
     """
     if isinstance(value, Mapping):
         values = np.array(np.broadcast_to(otherwise, len(names)), dtype=float)
@@ -563,7 +569,22 @@ def _gains(
     torque_limit: JointValues | None,
     motor: MotorChoice | None,
 ) -> ServoGains:
-    """Collect the gains and limits of servos; arguments and errors are those of :func:`add_joint_servos`."""
+    """Collect the gains and limits of servos.
+
+    Args:
+        plant: the finalized plant.
+        joints: the n joints.
+        passive: whether each joint is passive (has no actuator), shape (n,).
+        kp: stiffness [N·m/rad].
+        ki: integral gain [N·m/(rad·s)].
+        kd: damping [N·m·s/rad].
+        torque_limit: limits of the torques [N·m]; None means the effort limits of the actuators.
+        motor: motors whose torque falls with their speed; None means motors that give the limit at any speed.
+
+    Raises:
+        UnknownName: there is no such joint or motor.
+        InvalidParameter: a value is invalid.
+    """
     names = [joint.name() for joint in joints]
     efforts = _effort_limits(plant, joints)
     # A limit of 0 marks a passive joint, see `ServoGains`.
@@ -594,7 +615,12 @@ def _gains(
 
 
 def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[Motor | None]:
-    """Find the motor of each joint, with the torques behind its gear. Joints without a motor get None.
+    """Find the motor of each joint, with torques and speeds behind its gear. Joints without a motor get None.
+
+    Args:
+        choice: one motor for all joints that are not passive, or motors by joint.
+        names: names of the n joints.
+        passive: whether each joint is passive (has no actuator), shape (n,).
 
     Raises:
         UnknownName: there is no such motor or joint.
@@ -606,7 +632,8 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
     what = message("parts.joint_in", "joint for {key}", key="motor")
     for name, own in by_joint.items():
         index = list(names).index(one_of(what, name, names))
-        # One motor for all joints is not meant for those without an actuator.
+        # One motor for all joints is not meant for those without an actuator. A motor given for such a joint by name
+        # has no effect either.
         if passive[index]:
             continue
         if isinstance(own, str):
@@ -625,8 +652,11 @@ def _motors(choice: MotorChoice, names: Sequence[str], passive: Flags) -> list[M
 
 
 def _line(motors: Sequence[Motor | None]) -> MotorLine:
-    """Describe how the torques of n motors fall with their speeds; joints without a motor have no such line."""
-    # A joint whose motor is not described is limited by its torque limit alone.
+    """Describe how the torques of n motors fall with their speeds.
+
+    The line of a joint without a motor (None) is infinite at all speeds.
+    """
+    # Without a motor a joint is limited by its torque limit alone.
     stall = np.full(len(motors), np.inf)
     slope = np.zeros(len(motors))
     for index, motor in enumerate(motors):
@@ -648,7 +678,8 @@ def _check_damping(plant: MultibodyPlant, joints: Sequence[Joint], gains: ServoG
     # A solver of a continuous plant chooses steps that are short enough.
     if step == 0:
         return
-    # A velocity v becomes (1 - kd h / M) v in a step h, which must not be larger than v: kd h / M < 2.
+    # The servos' torque -kd v acts for a whole step: a velocity v becomes (1 - kd h / M) v in a step h, which must not
+    # be larger than v: kd h / M < 2.
     mass_matrix = plant.CalcMassMatrix(plant.CreateDefaultContext())
     # Inertia of each axis while the others move freely. With the others at rest it would be larger, and the check too
     # tolerant.
@@ -692,7 +723,17 @@ def _body_of(
 def _frame_index(
     plant: MultibodyPlant, name: str, model_instance: ModelInstanceIndex | None
 ) -> FrameIndex:
-    """Find a frame by its name; arguments and errors are those of :func:`_body_of`, for frames."""
+    """Find the index of a frame by its name.
+
+    Args:
+        plant: the plant.
+        name: name of the frame, or of a body, for the frame of the body.
+        model_instance: model instance of the frame; if it is None, any frame of this name is meant.
+
+    Raises:
+        UnknownName: there is no such frame.
+        InvalidParameter: there are several frames of this name.
+    """
     frames = [plant.get_frame(FrameIndex(index)) for index in range(plant.num_frames())]
     if model_instance is not None:
         frames = [frame for frame in frames if frame.model_instance() == model_instance]

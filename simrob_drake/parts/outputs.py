@@ -55,7 +55,7 @@ class FromState:
         return values if self.finish is None else self.finish(values)
 
     def _picked_values(self, states: Vector) -> Vector:
-        """Pick the values (m, size) from each of m states, shape (m, nq + nv)."""
+        """Pick the values from each of m states, shape (m, nq + nv). The result has the shape (m, size)."""
         if self._picks_entries:
             # The sum with 0 makes 0 of -0, as a product with a matrix does: results are equal to the last bit.
             return np.asarray(states[:, self.pick] + 0.0)
@@ -204,7 +204,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
             name: name of the block.
             block: the block, with one input.
             source: port that the block reads.
-            outputs: names of the outputs that the block gives.
+            *outputs: names of the outputs that the block gives.
         """
         block.set_name(name)
         report = _Report(block, source)
@@ -222,6 +222,9 @@ class OutputRegistry(Mapping[str, OutputPort]):
         Args:
             builder: builder of the diagram.
             output: name of the output.
+
+        Raises:
+            KeyError: there is no such output.
         """
         if output in self._reports:
             self._join(builder, self._reports[output].block)
@@ -245,9 +248,9 @@ class OutputRegistry(Mapping[str, OutputPort]):
             del self._reports[output]
 
     def from_state(self, output: str) -> Callable[[Vector], Vector] | None:
-        """Function that computes an output (m, size) from states (m, nq + nv) of the plant.
+        """Find the function that computes an output (m, size) from states (m, nq + nv) of the plant.
 
-        Returns None if there is no rule for it: its port must be read.
+        Returns None if there is no rule for the output: its port must be read.
 
         Args:
             output: name of the output.
@@ -263,11 +266,14 @@ class OutputRegistry(Mapping[str, OutputPort]):
         return partial(report.block.at, self._ports[output].get_name())
 
     def value(self, output: str, context: Context) -> Vector:
-        """Value of an output in a context, by its rule from the plant's state if there is one, otherwise from its port.
+        """Compute an output in a context, by its rule from the plant's state if there is one, otherwise by its port.
 
         Args:
             output: name of the output.
             context: context of the whole diagram.
+
+        Returns:
+            The values, shape (size,).
         """
         rule = self.from_state(output)
         if rule is None:

@@ -1,4 +1,8 @@
-"""Labels of a station's block picture: in which block of the picture each system of the diagram stands."""
+"""Labels of a station's block picture: in which block of the picture each system of the diagram stands.
+
+The picture is drawn from Drake's diagram. A system is a system of that diagram; several may share a block of the
+picture.
+"""
 
 from collections.abc import Mapping, Sequence
 

@@ -2,7 +2,9 @@
 
 Values *per axis* are one number for all axes, a list in their order, or a mapping by name. Positions are in the user's
 units there: deg, or m for prismatic axes. Axes that a mapping does not name stay where they are. A robot has n axes;
-trajectories are functions of time with values of shape (n, 1), as Drake's are.
+trajectories are functions of time with values of shape (n, 1), as Drake's are. The *firmness* of an axis is the degree
+to which a section gives its position, from not named at all to named alone; of coupled axes, the least firm ones give
+way.
 """
 
 from abc import ABC, abstractmethod
@@ -58,7 +60,7 @@ class ReferenceSection(Strict, ABC):
         """
 
     def caption(self, model: RobotModel) -> str:
-        """Describe the reference of a robot in words, for the block picture."""
+        """Describe the reference of a robot in words, with its start time if it is not 0, for the block picture."""
         # Not all kinds have a start time: a sine or a table begins with the run.
         start = getattr(self, "start", 0.0)
         words = self._words(model)
@@ -82,13 +84,14 @@ class ReferenceSection(Strict, ABC):
         return [values for values in self.targets_by_axis() if values is not None]
 
     def firmness(self, model: RobotModel) -> list[Firmness]:
-        """Find how firmly the section gives the motion of each of the n axes of a robot: see :class:`Firmness`."""
+        """Find how firmly the section gives the motion of each of the n axes of a robot, from PASSIVE to NAMED."""
         # An axis is as firm as in the posture that gives it most firmly.
         of_postures = [model.firmness(values) for values in self.targets_by_axis()]
         return [max(of_axis) for of_axis in zip(*of_postures, strict=True)]
 
     def axis_values(self) -> dict[str, AxisValues | None]:
         """Values per axis by their keys, which are checked against a robot's axes: all keys that end in ``_deg``."""
+        # The iterator of a section yields pairs of a key and its value.
         return {key: value for key, value in self if key.endswith("_deg")}
 
 
@@ -102,6 +105,9 @@ def si_positions(
         robot: the robot.
         otherwise: values of the axes that a mapping leaves out, shape (n,) [rad or m].
         key: key of the station that has the values, for errors.
+
+    Raises:
+        SimrobError: a list has a wrong length, or a mapping names an axis that the robot does not have.
     """
     # The mapping is completed in the user's units, and all axes are converted together.
     units = robot.model.user_units
@@ -171,7 +177,11 @@ class Ramp(ToOnePosture):
 
     @model_validator(mode="after")
     def _check_blend(self) -> "Ramp":
-        """Check that the speed can rise and fall within the duration."""
+        """Check that the speed can rise and fall within the duration.
+
+        Raises:
+            ValueError: the blend takes half of the duration or more.
+        """
         # The rise and the fall must not overlap, so each takes less than half of the duration.
         if self.blend and not self.blend < self.duration / 2:
             raise ValueError(
@@ -227,7 +237,10 @@ class Cruise(ReferenceSection):
         )
 
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
-        """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³]; infinite here, so that the acceleration jumps."""
+        """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³]; infinite here, so that the acceleration jumps.
+
+        A kind may also return None: then the acceleration rises for a third of the ramp.
+        """
         return np.full(len(robot.axes), np.inf)
 
     def _words(self, model: RobotModel) -> str:
@@ -269,7 +282,7 @@ class SCurve(Cruise):
 def _checked_limits(
     key: str, values: AxisValues | None, robot: ResolvedRobot, limits: Vector, is_moving: Vector
 ) -> Vector:
-    """Choose the largest speeds or accelerations of a motion.
+    """Choose the largest speeds or accelerations of a motion, and check them against the robot's own limits.
 
     Args:
         key: key of the reference: ``speed_deg`` or ``acceleration_deg``.
@@ -279,7 +292,7 @@ def _checked_limits(
         is_moving: whether each axis moves, shape (n,).
 
     Returns:
-        the values of the key, otherwise the robot's own limits, shape (n,).
+        The values of the key, and the robot's own limits for axes without one, shape (n,) [units of ``limits``].
 
     Raises:
         InvalidParameter: a value exceeds the robot's limit, or an axis that moves has no limit.
@@ -339,7 +352,11 @@ class Sequence(ReferenceSection):
 
     @model_validator(mode="after")
     def _check_times(self) -> "Sequence":
-        """Check that the times rise: a motion within no time would be infinitely fast."""
+        """Check that the times rise by `SHORTEST` or more: a motion within no time would be infinitely fast.
+
+        Raises:
+            ValueError: they do not.
+        """
         times = [target.time for target in self.targets]
         if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):
             raise ValueError(
@@ -356,7 +373,7 @@ class Sequence(ReferenceSection):
         return [target.target_deg for target in self.targets]
 
     def axis_values(self) -> dict[str, AxisValues | None]:
-        """The postures, by a key that names their time."""
+        """Values per axis of the postures, by a text that names their time, which errors show in place of a key."""
         return {f"targets at {target.time:g} s": target.target_deg for target in self.targets}
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
@@ -393,11 +410,16 @@ class SineWave(ReferenceSection):
         return [self.amplitude_deg]
 
     def postures(self) -> list[AxisValues]:
-        """No postures: the amplitudes are no positions."""
+        """Postures through which the reference goes: an empty list, as the amplitudes are no positions."""
         return []
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> SineReference:
-        """Create the sine about the positions at the start, shape (n,) [rad or m]."""
+        """Create the sine about the positions at the start [rad or m].
+
+        Args:
+            robot: the robot.
+            start: positions at the start, shape (n,) [rad or m].
+        """
         model = robot.model
         # q(t) = centre + amplitude sin(2 pi f t + phase). A phase is an angle of the wave, not of the axis, so it is in
         # degrees for axes that slide, too.
@@ -439,7 +461,13 @@ class Table(ReferenceSection):
     m/s] of the columns `v.<axis>`, one for each axis."""
 
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
-        """Create the trajectory, shape (n, 1) [rad or m]. It begins at the first row of the table, not at the start."""
+        """Create the trajectory, shape (n, 1) [rad or m].
+
+        It begins at the posture of the first row of the table; the positions at the start have no effect.
+
+        Raises:
+            InvalidConfig: the file cannot be read, or its content is wrong.
+        """
         times, values = self.rows(robot.axes)
         if self.interpolation == "hermite":
             # `rows` reads the columns of the positions, and then those of the speeds.
@@ -452,13 +480,14 @@ class Table(ReferenceSection):
         return [Firmness.NAMED] * len(model.axes)
 
     def rows(self, axes: list[str]) -> Samples:
-        """Read the file.
+        """Read the file and check its times.
 
         Args:
-            axes: names of the robot's axes.
+            axes: names of the robot's n axes.
 
         Returns:
-            the times, shape (m,) [s], and the positions, shape (m, n), or with speeds (m, 2n).
+            The times, shape (m,) [s], and the positions, shape (m, n) [rad or m]. For the interpolation "hermite" the
+            speeds [rad/s or m/s] follow in the same array, shape (m, 2 n).
 
         Raises:
             InvalidConfig: the file cannot be read, lacks a column, contains a value that is no number, has times that
@@ -466,6 +495,7 @@ class Table(ReferenceSection):
         """
         # Columns with speeds are only read if they are used.
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes
+        # The numbers of the lines in the file are for errors.
         values, lines = read_columns(self.file, [TIME_COLUMN, *names])
         # One row is a posture, which has no motion.
         if len(values) < 2:
@@ -491,7 +521,7 @@ class Table(ReferenceSection):
                 ),
             )
         times = values[:, 0]
-        # A spline divides by the differences of the times.
+        # A spline divides by the differences of the times. Entry i is that between the rows i and i + 1.
         too_close = np.flatnonzero(np.diff(times) < SHORTEST)
         if too_close.size:
             row = too_close[0]

@@ -32,7 +32,7 @@ WORLD = "world"
 def name_or_only(
     name: str | None, known: Sequence[str], *, kind: str = "robot", key: str = "robot"
 ) -> str:
-    """Check that a name is known. Without a name, return the only known one.
+    """Check that a name is known, and return it. Without a name, return the only known one.
 
     Args:
         name: the name, or None if the user gives none.
@@ -130,6 +130,7 @@ class ResolvedRobot:
         limits = np.array(self.model.speed_limits, dtype=float)
         for index, motor in enumerate(self.motors):
             if motor is not None:
+                # The line from the stall torque, at rest, to the no-load speed, without torque.
                 _, no_load_speed = motor.line
                 limits[index] = no_load_speed
         return limits

@@ -63,6 +63,9 @@ class Site:
         Args:
             builder: builder of the diagram. The block that gives the output joins it if it has not yet.
             output: name of the output.
+
+        Raises:
+            KeyError: there is no such output.
         """
         return self.outputs.port(builder, output)
 

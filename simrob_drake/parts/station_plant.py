@@ -64,6 +64,7 @@ class StationRobot(ResolvedRobot):
             context = self.plant.CreateDefaultContext()
         mass_matrix = self.plant.CalcMassMatrix(context)
         inverse = np.linalg.inv(mass_matrix)
+        # The velocities of the plant include those of other robots and pieces: the axes' own are picked.
         return np.asarray(1 / np.diag(inverse)[self.axis_map.velocity_places])
 
 
@@ -121,13 +122,16 @@ class StationPlant:
         return self.scene_graph.get_query_output_port().Eval(context)
 
     def with_whole_shapes(self, root: Context) -> Context:
-        """Clone a context of the diagram, and in the clone let the shapes of `replaced_pairs` collide themselves.
+        """Clone a context of the diagram, and in the clone let the shapes of `replaced_pairs` themselves collide.
 
         In the given context only the contact points of these pairs collide. The small balls at the corners of two boxes
         do not show how deep the boxes are in each other.
 
         Args:
             root: context of the whole diagram, which stays as it is.
+
+        Returns:
+            The clone.
         """
         # Collision filters are a part of a context, so the filters of the clone do not affect the run.
         clone = root.Clone()
@@ -172,7 +176,8 @@ class StationPlant:
             frame: name of the frame in the plant: ``<piece>_<frame>``, or the piece's own name for the frame in which
                 the piece is described.
         """
-        # A piece that a robot carries is a part of the robot's model instance.
+        # A piece that a robot carries is a part of the robot's model instance. Every other piece has an instance of its
+        # own, with this name.
         carriers = [robot.instance for robot in self.robots.values() if piece in robot.carried]
         instance = (
             carriers[0]
@@ -192,7 +197,7 @@ class StationPlant:
             of_state: whether the block reads the plant's state (nq + nv,) instead of its positions (nq,).
 
         Returns:
-            the block's port for the state or the positions.
+            The block's port for the state or the positions.
         """
         poses = MultibodyPositionToGeometryPose(self.plant, input_multibody_state=of_state)
         builder.AddNamedSystem("geometry_poses", poses)

@@ -2,7 +2,9 @@
 
 The name of a collision shape in Drake's scene graph is ``<owner>::<name>``, with the owner's model between the two for
 some. A shape of a piece has the name ``<piece>.<shape>``; its owner is the piece or, if a robot carries the piece, that
-robot. The floor's shapes have no owner.
+robot. The floor's shapes have no owner. If the station shares a plant with others, owners begin with the *scope* of the
+station, such as ``left.``. The *prefix* of a robot begins the names of its links and tools in a station of several
+robots; in a station of one robot it is empty.
 """
 
 from collections.abc import Iterator
@@ -28,7 +30,10 @@ def own_name(inspector: SceneGraphInspector, shape: GeometryId) -> str:
 def piece_of_shape(
     station: StationContents, inspector: SceneGraphInspector, shape: GeometryId
 ) -> str | None:
-    """Find the piece to which a shape belongs. Returns None for a robot's own shapes and those of the floor."""
+    """Find the piece to which a shape belongs, by its name.
+
+    Returns None for a robot's own shapes, those of the floor, and those of other stations in a plant that is shared.
+    """
     # The name is <scope><owner>::...::<piece>.<shape> for a piece. The scope separates stations that share one plant.
     scoped_owner = inspector.GetName(shape).partition("::")[0]
     if not scoped_owner.startswith(station.scope):
@@ -44,7 +49,7 @@ def piece_of_shape(
 
 
 def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
-    """Name of the piece, link, floor or box of a terrain to which a shape belongs."""
+    """Name of the piece, link, floor or box of a terrain to which a shape belongs. Links have their robot's prefix."""
     inspector = plant.scene_graph.model_inspector()
     owner = inspector.GetName(shape).partition("::")[0].removeprefix(plant.scope)
     name = own_name(inspector, shape)
@@ -66,7 +71,7 @@ def owner_and_robot(plant: StationPlant, shape: GeometryId) -> tuple[str, str]:
     """Find to what a shape belongs, and which robot moves it.
 
     Returns:
-        the name of the piece or link, or ``floor`` for all shapes of the ground; and the name of the robot of which it
+        The name of the piece or link, or ``floor`` for all shapes of the ground; and the name of the robot of which it
         is a part or that carries it, or an empty text.
     """
     owner = owner_of_shape(plant, shape)
@@ -74,6 +79,7 @@ def owner_and_robot(plant: StationPlant, shape: GeometryId) -> tuple[str, str]:
     instance = plant.plant.GetBodyFromFrameId(frame).model_instance()
     # All bodies of a robot, and of the pieces that it carries, are in the robot's model instance.
     robot = next((robot.name for robot in plant.robots.values() if robot.instance == instance), "")
+    # Boxes of a terrain are named ``floor.<number>``.
     is_ground = not robot and owner.partition(".")[0] == FLOOR
     return FLOOR if is_ground else owner, robot
 
@@ -131,6 +137,11 @@ def check_body(station: StationContents, key: str, name: str) -> None:
 def check_frame(station: StationContents, key: str, name: str) -> None:
     """Check that a frame exists: one of :func:`frame_names`.
 
+    Args:
+        station: the station.
+        key: key of the station that names the frame, for errors.
+        name: name of the frame.
+
     Raises:
         UnknownName: there is no such frame; proposes the nearest name.
     """
@@ -154,7 +165,10 @@ def shapes_of(plant: StationPlant, station: StationContents, name: str) -> list[
 
 
 def frame_of(plant: StationPlant, name: str) -> Frame:
-    """Find a frame by its name: one of :func:`frame_names`."""
+    """Find a frame by its name: one of :func:`frame_names`, which the caller has checked.
+
+    The frame of a piece is the one at its tool centre point.
+    """
     if name == WORLD:
         return plant.plant.world_frame()
     # A tool comes before a link of the same name. The prefix of the only robot is empty, so every name begins with it.
@@ -179,7 +193,8 @@ def _find_shapes(plant: StationPlant, station: StationContents, name: str) -> It
             # The name of a box of the terrain goes on with a dot and a number.
             belongs = inspector.GetName(shape).partition(".")[0] == FLOOR
         elif piece in station.pieces:
-            # A piece has all of its shapes, and the name of one of its shapes only this one.
+            # The name of the piece, "box", finds all shapes "box.<shape>". The name of a shape, "box.lid", finds this
+            # one. The dots at the ends keep "box.lid" from finding "box.lid2".
             shape_name = own_name(inspector, shape)
             is_named = f"{shape_name}.".startswith(f"{name}.")
             belongs = is_named and piece_of_shape(station, inspector, shape) == piece
@@ -202,8 +217,9 @@ def _belongs_to_robot(plant: StationPlant, body: RigidBody, name: str) -> bool:
         name: name of a robot, or of a link with the prefix of its robot.
     """
     robot = next(
-        (one for one in plant.robots.values() if one.instance == body.model_instance()), None
+        (owner for owner in plant.robots.values() if owner.instance == body.model_instance()), None
     )
+    # A free piece, or the ground.
     if robot is None:
         return False
     if name == robot.name:

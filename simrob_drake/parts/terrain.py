@@ -109,7 +109,11 @@ class Terrain(Strict):
 
     @model_validator(mode="after")
     def _check_sizes(self) -> "Terrain":
-        """Check that the keys fit the kind, and that the field has at least one tile and not too many boxes."""
+        """Check that the keys fit the kind, and that the field has at least one tile and not too many boxes.
+
+        Raises:
+            ValueError: they do not, or it does not.
+        """
         if self.kind == "grid" and self.file is None:
             raise ValueError(
                 message(
@@ -163,7 +167,7 @@ class Terrain(Strict):
 
     @property
     def depth(self) -> float:
-        """Depth of the floor's plane below the level ground around the field [m]."""
+        """Depth of the floor's plane below the level ground around the field [m]. It leaves room for lower boxes."""
         # The boxes of a grid may be lower than the ground around them, as far as its file says.
         lowest = self.heights().min() if self.kind == "grid" else -self.height
         return _BELOW + max(self.height, -float(lowest))
@@ -172,7 +176,7 @@ class Terrain(Strict):
         """Read the heights of a grid from its file.
 
         Returns:
-            the heights, the nearest row first and each row from right to left, shape (rows, columns) [m].
+            The heights, the nearest row first and each row from right to left, shape (rows, columns) [m].
 
         Raises:
             InvalidConfig: the file is no table or picture, or the picture has too many pixels.
@@ -194,7 +198,8 @@ class Terrain(Strict):
                     raise InvalidConfig(self.file, "", problem)
                 # Value of a white pixel: the name of a mode with 16 bits contains that number, such as "I;16".
                 white = 65535.0 if "16" in picture.mode else 255.0
-                # The first pixel is far and left, the first height near and right.
+                # Mode "F" keeps the numbers of the pixels. The first pixel is far and left, the first height near and
+                # right.
                 pixels = np.asarray(picture.convert("F"))[::-1, ::-1]
                 return np.asarray(self.height / white * pixels, dtype=float)
         except OSError as error:
@@ -209,10 +214,14 @@ class Terrain(Strict):
         Args:
             floor: side of the square floor [m].
 
+        Returns:
+            The boxes, with poses in the frame of the floor.
+
         Raises:
             InvalidConfig: the file of a grid cannot be read, or gives too many boxes.
         """
         tiles = self._tiles()
+        # Half of the field's width, and the end of the field along its x axis [m].
         side = tiles.columns * self.size / 2
         end = self.start + tiles.rows * self.size
         # Row and column of each tile, row after row, then the middles of the tiles, shape (m, 2) [m].
@@ -244,6 +253,9 @@ class Terrain(Strict):
             floor: side of the square floor [m].
             end: end of the field along its x axis [m].
             side: half of the field's width [m].
+
+        Returns:
+            The boxes, with poses in the frame of the field.
         """
         begin = self.start
         soft_length = 0.0 if self.soft is None else self.soft.length
@@ -268,7 +280,7 @@ class Terrain(Strict):
         return boxes
 
     def _tiles(self) -> _Tiles:
-        """Count the tiles along and across the field."""
+        """Count the tiles along and across the field: by the file of a grid, otherwise as many as fit."""
         if self.kind == "grid":
             rows, columns = self.heights().shape
             return _Tiles(rows, columns)
@@ -288,7 +300,7 @@ class Terrain(Strict):
         Args:
             along: lower and upper bound along the field [m].
             across: lower and upper bound across the field [m].
-            top: height of its top [m].
+            top: height of its top above the level ground around the field [m].
             modulus: hydroelastic modulus of a soft box [Pa].
         """
         lower = np.array([along[0], across[0], -self.depth])
@@ -315,6 +327,7 @@ class Terrain(Strict):
         angle = np.arctan2(self.height, self.size)
         thickness = self.height
         half = np.array([np.hypot(self.size, self.height) / 2, side, thickness / 2])
+        # Middle of each row of tiles along the field.
         positions = np.unique(middles[:, 0])
         # A ridge needs two rows, one up and one down: an odd row at the end stays level.
         whole_ridges = len(positions) // 2
@@ -332,6 +345,7 @@ class Terrain(Strict):
 
     def _bars(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         """Create bars of random height across the field, a quarter of a size long."""
+        # Middle of each row of tiles along the field.
         positions = np.unique(middles[:, 0])
         tops = random.uniform(0.0, self.height, len(positions))
         half = self.size / 8
@@ -357,7 +371,8 @@ class Terrain(Strict):
             middle = np.array([x, y, 0.0]) + shift
             half[2] = self.height
             rotation = RollPitchYaw(roll, pitch, yaw).ToRotationMatrix()
-            # The highest corner is above the middle by the half sides, projected on the vertical.
+            # The highest corner is to be at the height `top`. It is above the middle by the half sides, projected on
+            # the vertical.
             vertical = rotation.row(2)
             from_sides = abs(vertical[:2]) @ half[:2]
             middle[2] = top - from_sides - abs(vertical[2]) * half[2]
@@ -368,6 +383,7 @@ class Terrain(Strict):
         self, middles: Vector, side: float, random: np.random.Generator
     ) -> list[TerrainBox]:
         """Create the steps of stairs that rise up to the middle of the field, and fall again."""
+        # Middle of each row of tiles along the field.
         positions = np.unique(middles[:, 0])
         half = self.size / 2
         # Count of steps below each tread: 1, 2, ... up to the middle of the field, then down to 1.
@@ -382,6 +398,7 @@ class Terrain(Strict):
 
     def _gaps(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
         """Create the level ground between the gaps, each of which is at the middle of a row."""
+        # Along the field: its begin, the begin and the end of each gap, and the end of the field.
         edges = [self.start]
         for x in np.unique(middles[:, 0]):
             edges += [x - self.gap / 2, x + self.gap / 2]

@@ -1,4 +1,11 @@
-"""Kinematics of a walking robot: its centre of mass, the positions of its feet, and inverse kinematics of its legs."""
+"""Kinematics of a walking robot: its centre of mass, the positions of its feet, and inverse kinematics of its legs.
+
+The root is the robot's trunk, a free body of the plant. An axis is a joint with a servo; its sign is -1 if it counts
+against the sense of Drake's joint. The stance is the posture in which the robot stands with flat soles, side by side. A
+sole's frame has its origin in the middle of the sole, or of the ball if the foot is a ball; in the stance, its axes are
+those of the robot: x ahead, y to the left, z up. Complex numbers are positions in the plane: x + iy. In names, com is
+the centre of mass.
+"""
 
 from __future__ import annotations
 
@@ -140,18 +147,21 @@ class Body:
         self.facing = RotationMatrix.MakeZRotation(-facing)
         self._from_facing = self.facing.inverse()
         self._facing_matrix = self.facing.matrix()
+        # Pose of the world seen from a root that looks along x, for positions in the world of the goal's context.
         # The root of the goal stays at its default pose, so this transform is constant.
         self._root_from_world = RigidTransform(self.facing).multiply(
             root.CalcPoseInWorld(self._goal).inverse()
         )
         self._measured_indices, self._measured_signs = self._index_measurements(root.body())
 
+        # Indices of the axes, signs of the axes, and columns of their joints in a Jacobian (6, nv), for each leg.
         self._legs = np.array([list(leg) for leg in legs])
         self._columns = list(map(in_a_row, axes.velocity_places[self._legs]))
         self._leg_signs = axes.signs[self._legs]
         self._find_soles(contact, [foot.name() for foot in feet], stance)
         self._sole_matrices = np.array([sole.GetAsMatrix4() for sole in self._soles])
 
+        # Task basis and knees are chosen in this posture.
         self.set_posture(posture)
         self._task_basis = self._choose_task_basis()
         joint_count = self._legs.shape[1]
@@ -161,10 +171,14 @@ class Body:
         self._keep_knees_bent(legs, posture)
 
     def _index_measurements(self, root: RigidBody) -> tuple[npt.NDArray[np.intp], Vector]:
-        """Find where the values that :meth:`observe` reads are in the plant's state.
+        """Find where the values that :meth:`observe` takes belong in the plant's state.
+
+        Args:
+            root: root link of the robot.
 
         Returns:
-            The index of each value in the state [q, v] of the plant, and its sign, shape (2n + 13,) each.
+            The index of each value in the state [q, v] of the plant, and its sign, shape (2n + 13,) each: the values
+            are those of the n axes, with their signs, and the 13 of the root, with the sign 1.
         """
         axes = self._axes
         num_positions = self._plant.num_positions()
@@ -191,12 +205,16 @@ class Body:
     def _choose_task_basis(self) -> Vector | None:
         """Choose the components of a foot's pose error that a leg of fewer than six joints corrects.
 
+        Of several choices, the one is taken that leaves the first leg, in the posture that is set, farthest from a
+        singularity. All legs use it.
+
         Returns:
             The matrix (6, m) that maps an error in the root's axes to the m corrected components, or None if the leg
-            corrects all of them. It depends on the direction in which the robot looks, so that a foot of fewer joints
-            stays flat and keeps its direction ahead.
+            corrects all of them. It depends on the direction in which the robot looks, so that the foot of a leg of
+            fewer joints stays flat and keeps its direction ahead.
         """
-        # From the root's axes to those of a root that looks along x, of rotation and translation.
+        # From the root's axes to those of a root that looks along x: the same rotation for both halves of a pose error,
+        # the rotation vector and the translation. Each row gives one of the components that `_CONTROLLED` lists.
         to_facing = np.kron(np.eye(2), self._facing_matrix)
         joint_count = self._legs.shape[1]
         if joint_count >= len(to_facing):
@@ -213,9 +231,13 @@ class Body:
         return max(candidates, key=smallest_singular_value)
 
     def _keep_knees_bent(self, legs: Sequence[Sequence[int]], posture: Vector) -> None:
-        """Narrow the limits, so that knees stay bent to the side of a posture (n,), which is the one that is set.
+        """Narrow the limits `_lower` and `_upper` of the knees, so that they stay bent to the side of a posture.
 
         A leg that may bend to both sides would flip between them, and a straight leg has no inverse kinematics.
+
+        Args:
+            legs: indices of the axes of each foot's leg.
+            posture: the posture, shape (n,) [rad], which must be the one that is set.
         """
         plant = self._plant
         axes = self._axes
@@ -254,15 +276,16 @@ class Body:
 
         self._tips = list[Vector]()  # middle of the sole in the foot's link, shape (3,) [m]
         self._soles = list[RigidTransform]()  # pose of the sole in the foot's link
-        self._corners = list[
-            list[list[float]]
-        ]()  # corners of the sole in the frame of the sole [m]
+        # corners of each sole, x y z in the frame of the sole [m]
+        self._corners = list[list[list[float]]]()
         self.homes = list[Vector]()
         self.ball_radius = 0.0
         for link, index in zip(links, self._feet, strict=True):
             home = RigidTransform(self.facing) @ plant.get_frame(index).CalcPose(self._goal, root)
+            # In the stance the root is upright, so this rotation gives the link's vectors in level axes, x ahead.
             to_level = home.rotation().matrix()
-            # lowest points of spheres or corners, in the link's axes
+            # The lowest points of the foot's spheres, or the lower corners of its box: in the link's axes, then in
+            # level axes, both from the link's origin.
             support_points = contact.support_points(link)
             points = support_points @ to_level.T
 
@@ -276,11 +299,13 @@ class Body:
 
             tip = to_level.T @ np.array([middle[0], middle[1], lowest + radius])
             sole = RigidTransform(RotationMatrix(to_level.T), tip)
+            # The points of a ball move up to its middle, below which its lowest point stays as it rolls.
             corners = np.add(support_points, (0.0, 0.0, radius))
             self._tips.append(tip)
             self._soles.append(sole)
             self._corners.append(sole.inverse().multiply(corners.T).T.tolist())
             self.homes.append(home.multiply(tip))
+        # The largest coordinate along (x) or across (y) the foot, of all corners of all feet.
         self.sole_reach = max(
             abs(coordinate)
             for corners in self._corners
@@ -313,6 +338,7 @@ class Body:
             speed=plant.CalcCenterOfMassTranslationalVelocityInWorld(context, instances).tolist(),
             feet=feet,
             trunk=trunk.matrix().tolist(),
+            # The corners of a ball are its middle, which is one radius above its lowest point.
             lowest=[
                 _lowest_height(foot[2], corners) - self.ball_radius
                 for foot, corners in zip(feet, self._corners, strict=True)
@@ -336,7 +362,8 @@ class Body:
 
         Args:
             trunk: desired rotation of the root from upright and looking along x, shape (3, 3).
-            feet: desired poses of the soles' middles from the root, in the world's axes, shape (feet, 3, 4) [1, m].
+            feet: desired poses of the soles' frames, shape (feet, 3, 4) [1, m]: positions from the root, in the level
+                axes from which `trunk` is the rotation.
             rounds: count of Newton steps. One is enough for a reference that goes on from the last sample's.
 
         Returns:
@@ -345,7 +372,8 @@ class Body:
         plant = self._plant
         root = plant.get_frame(self._root)
         links = [plant.get_frame(index) for index in self._feet]
-        # The Jacobians are in the axes of the root link, so the targets are, too.
+        # The Jacobians are in the axes of the root link, so the targets are, too. The rotation of the root link in the
+        # level axes is `trunk` times that from the root link to a root that looks along x; its inverse is transposed.
         to_root = (np.array(trunk) @ self._facing_matrix).T
         targets = to_root @ feet
 
@@ -373,6 +401,7 @@ class Body:
             link: frame of the foot's link.
             root: frame of the root link.
         """
+        # Of all velocities of the plant, `_columns` picks those of the leg's joints.
         jacobian = self._plant.CalcJacobianSpatialVelocity(
             self._goal, _V, link, self._tips[foot], root, root
         )
@@ -388,7 +417,8 @@ class Body:
         The first form is solved here. Its matrix has the size of the leg's joints.
 
         Args:
-            jacobians: transposed Jacobians :math:`J^T`, shape (legs, k, 6), in the root's axes.
+            jacobians: transposed Jacobians :math:`J^T`, shape (legs, k, 6), in the root's axes. Their columns are the
+                rotation, then the translation.
             poses: poses of the soles' middles in the root's frame, shape (legs, 3, 4).
             targets: desired poses of the soles' middles in the root's frame, shape (legs, 3, 4).
 
@@ -410,13 +440,18 @@ class Body:
         solutions = [
             dgesv(matrix, side)[2] for matrix, side in zip(matrices, right_sides, strict=True)
         ]
-        # A large step would leave the range in which the linearization holds.
+        # The solutions are angles of the joints; the signs make them those of the axes. A large step would leave the
+        # range in which the linearization holds.
         step = np.array(solutions) * self._leg_signs
         return np.asarray(np.minimum(np.maximum(step, -_LARGEST_STEP), _LARGEST_STEP))
 
 
 def _check_legs(feet: Sequence[Frame], legs: Sequence[Sequence[int]]) -> None:
     """Check that all legs have the same count of joints, from three to seven.
+
+    Args:
+        feet: frames of the feet's links, for the name in the error.
+        legs: indices of the axes of each foot's leg.
 
     Raises:
         InvalidParameter: a leg has another count of joints.
@@ -439,7 +474,7 @@ def _lowest_height(upward: Sequence[float], corners: Rows) -> float:
 
     Args:
         upward: third row of the foot's pose matrix, shape (4,): it gives the height of a point of the foot.
-        corners: corners of the foot x y z [m].
+        corners: corners of the foot x y z, in the frame of that pose [m].
     """
     a = upward[0]
     b = upward[1]
@@ -456,7 +491,8 @@ class StanceFeet:
     Attributes:
         groups: indices of the feet of each group.
         offsets: position of each foot from the middle of its group, as complex numbers [m].
-        slope_weights: change of the group's slope for each metre by which a foot is raised, of each foot [1/m].
+        slope_weights: change of the group's slope for each metre by which a foot is raised, of each foot [1/m]. The
+            real part is the slope ahead, the imaginary part that to the left.
         half_width: distance from the robot's middle to the middle of each group, to the side [m].
         roll_factor: distance that the robot goes over the distance that its legs go [1]. Above 1 if the feet are
             balls, which roll while they stand.
@@ -476,7 +512,8 @@ class StanceFeet:
 
         Args:
             body: kinematics of the robot.
-            parameters: parameters of the walk.
+            parameters: parameters of the walk. Their `widen` moves each foot outward, and the height of the root gives
+                the roll factor.
             groups: indices of the feet that stand together, the right ones first.
         """
         homes = list[complex]()
@@ -505,7 +542,7 @@ class StanceFeet:
 
 
 def height_on_slope(slope: complex, place: complex) -> float:
-    """Height of a position [m] on a slope through the origin [m]: the slope's real part ahead, imaginary part left."""
+    """Height of a position [m] on a slope [1] through the origin [m]. Real parts are ahead, imaginary parts left."""
     return (slope.conjugate() * place).real
 
 
@@ -517,7 +554,12 @@ def slope_weights_of(positions: Sequence[complex]) -> list[complex]:
 
     Args:
         positions: positions of the feet from their middle, as complex numbers [m].
+
+    Returns:
+        One complex number for each foot: the slope ahead (real part) and to the left (imaginary part) for each metre of
+        the foot's height.
     """
+    # The pseudoinverse of the matrix (feet, 2) has the shape (2, feet).
     ahead, left = np.linalg.pinv(
         [(position.real, position.imag) for position in positions]
     ).tolist()
@@ -525,7 +567,7 @@ def slope_weights_of(positions: Sequence[complex]) -> list[complex]:
 
 
 def slope_through(slope_weights: Sequence[complex], heights: Sequence[float]) -> complex:
-    """Slope of the plane or line through feet at heights [m], see :func:`slope_weights_of`."""
+    """Slope [1] of the plane or line through feet at heights [m], from the weights of :func:`slope_weights_of`."""
     return sum((weight * height for weight, height in zip(slope_weights, heights, strict=True)), 0j)
 
 

@@ -1,6 +1,8 @@
 """Commands of a walk, limited to what the legs can follow.
 
-A command comes from a user who steers, from another block, from a table of times or from a path.
+A command is a desired speed, ahead (real part) and to the left (imaginary part) of the robot, with a turning speed. It
+comes from a user who steers, from another block, from a table of times or from a path. Points and directions of a path
+are complex numbers in the world: x + iy.
 """
 
 from __future__ import annotations
@@ -88,7 +90,10 @@ class Waypoints(Strict):
 
     @property
     def corners(self) -> list[complex]:
-        """Points of the path as complex numbers, in order, repeated for each lap [m]."""
+        """Points of the path as complex numbers, in order [m].
+
+        With laps, they are repeated for each lap, and the first one follows once more at the end.
+        """
         once = [complex(*point) for point in self.points]
         if self.laps is None:
             return once
@@ -153,11 +158,12 @@ class Path:
                     Spot(corners[number + 1] - cut_after * direction, direction, curvature)
                 )
                 lengths.append(turn / curvature)
+        # Distance of each line and arc from the start of the path [m]. The last sum is where the path ends.
         self._start_distances = [0.0, *accumulate(lengths)]
         self.length = self._start_distances.pop()
 
     def at(self, distance: float) -> Spot:
-        """Point of the path at a distance from its start [m]."""
+        """Point of the path at a distance from its start [m]. Beyond its ends, the first or last part goes on."""
         number = max(bisect_right(self._start_distances, distance) - 1, 0)
         return self._starts[number].at_distance(distance - self._start_distances[number])
 
@@ -223,7 +229,7 @@ class Follower:
 
         Args:
             base: pose of the root x y z [m] qw qx qy qz, shape (7,).
-            progress: distance on the path that is done so far [m].
+            progress: distance on the path that was done at the last sample [m].
 
         Returns:
             The command, and the new progress [m], which is beyond the length of the path after the robot has arrived.
@@ -250,7 +256,11 @@ class Follower:
         return self._command_along(pose, spot, offset, new_progress), new_progress
 
     def _root_pose(self, base: Vector) -> _RootPose | None:
-        """Convert the pose of the root (7,) to one in the plane. Returns None if it is not finite."""
+        """Convert the pose of the root to one in the plane. Returns None if it is not finite.
+
+        Args:
+            base: pose of the root x y z [m] qw qx qy qz, shape (7,).
+        """
         x = float(base[0])
         y = float(base[1])
         w = float(base[3])
@@ -264,7 +274,16 @@ class Follower:
         return _RootPose(complex(x, y), cmath.exp(1j * heading))
 
     def _turn_at_end(self, pose: _RootPose, progress: float) -> tuple[Command, float]:
-        """Turn on the spot to the heading at the end of the path. Returns the command and the progress [m]."""
+        """Turn on the spot to the heading at the end of the path, if one is desired.
+
+        Args:
+            pose: pose of the robot.
+            progress: distance on the path that is done [m].
+
+        Returns:
+            The command and the progress [m]. Once the robot has arrived, or if it cannot turn, the command is to stand,
+            and the progress is one metre beyond the length of the path, which marks the arrival.
+        """
         error = 0.0
         if self._end_heading is not None:
             error = cmath.phase(cmath.exp(1j * self._end_heading) / pose.direction)
@@ -275,13 +294,13 @@ class Follower:
     def _command_along(
         self, pose: _RootPose, spot: Spot, offset: complex, progress: float
     ) -> Command:
-        """Compute the command on the way.
+        """Compute the command on the way: follow the path ahead of the robot, and return to it from the side.
 
         Args:
             pose: pose of the robot.
             spot: point of the path at the last progress.
             offset: position of the robot from that point, along the path and to its left [m].
-            progress: distance on the path that is done [m].
+            progress: distance on the path that is done at this sample [m].
         """
         length = self.path.length
         soon = self.path.at(min(progress + _LOOK_AHEAD * self._speed, length))
@@ -293,7 +312,8 @@ class Follower:
         if curvature:
             speed = min(speed, _CURVE_PART * self._largest_turn / curvature)
 
-        # The desired direction leads back to the path. A robot that looks elsewhere first turns, then walks.
+        # The desired direction leads back to the path: `back` is a speed to its left [m/s]. A robot that looks
+        # elsewhere first turns, then walks: the cosine of the error is a factor of its speed.
         back = clamp(-_SIDE_GAIN * offset.imag, self._speed * tan(_LARGEST_APPROACH))
         # The direction is that at full speed: at the slow end of a path, a small distance aside would turn the robot
         # across the path otherwise.
@@ -343,7 +363,15 @@ class ExcessivePart(NamedTuple):
 
 
 def clip_command(command: Command, max_speed: MaxSpeed) -> Command:
-    """Limit a command to what the legs can follow. Returns the same object if the command is within the limits."""
+    """Limit a command to what the legs can follow, each of its three parts by its own limits.
+
+    Args:
+        command: the command.
+        max_speed: largest commands that the legs can follow.
+
+    Returns:
+        The limited command. It is the same object if the command is within the limits.
+    """
     ahead = min(max(command.speed.real, -max_speed.backward), max_speed.ahead)
     left = clamp(command.speed.imag, max_speed.sideways)
     turn = clamp(command.turn, radians(max_speed.turn_deg))
@@ -353,7 +381,12 @@ def clip_command(command: Command, max_speed: MaxSpeed) -> Command:
 
 
 def find_excess(command: Command, max_speed: MaxSpeed) -> list[ExcessivePart]:
-    """Find the parts of a command that the legs cannot follow."""
+    """Find the parts of a command that the legs cannot follow: none, or up to three.
+
+    Args:
+        command: the command.
+        max_speed: largest commands that the legs can follow.
+    """
     limit = clip_command(command, max_speed)
     parts = (
         ExcessivePart("ahead", command.speed.real, limit.speed.real, "m/s"),
@@ -393,14 +426,16 @@ class Commander:
 
         Args:
             time: time since the run began [s].
-            hand: stored command of a user, shape (4,), which has no effect at time zero.
+            hand: stored command of a user, shape (4,): 1, then speed ahead and to the left [m/s] and turning speed
+                [rad/s]; all zero if no user steers. It has no effect at time zero.
             by_port: value of the input port, shape (3,): speed ahead and to the left [m/s], turning speed [rad/s]. It
                 is None without such a port, and not finite if the port has no command.
             base: pose of the root x y z [m] qw qx qy qz, shape (7,).
             progress: distance on the path that is done so far [m].
 
         Returns:
-            The command and the new progress [m]. The command is None if the path decides and the pose is not finite.
+            The command and the new progress [m], which only changes while the path decides. The command is None if the
+            path decides and the pose is not finite.
         """
         # At time zero, the stored command of a user is from an earlier run, which this one continues. The walking loop
         # deletes it in this sample.

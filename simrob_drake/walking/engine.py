@@ -1,4 +1,14 @@
-"""Walking engine: computes the posture of a robot in every sample, from a command and an estimate of its motion."""
+"""Walking engine: computes the posture of a robot in every sample, from a command and an estimate of its motion.
+
+The feet form two groups, 0 on the right and 1 on the left, of one foot or several each. The stance foot is the middle
+of the group that stands, the swing foot that of the group that moves. Positions are measured from the stance foot: x
+ahead, in the direction in which it looks, y to the left, z up. In the plane they are complex numbers x + iy, and a
+slope is a complex number, too: rise for each metre ahead (real part) and to the left (imaginary part). In names, com is
+the centre of mass and zmp the zero-moment point.
+
+The planner moves the references of the trunk and of the feet, which a :class:`Stride` has; the inverse kinematics give
+the posture with these references.
+"""
 
 import cmath
 import math
@@ -33,7 +43,7 @@ class _GroupPose(NamedTuple):
     Attributes:
         places: position of each foot from the stance foot, as complex numbers [m].
         offsets: position of each foot from the middle of its group, as complex numbers [m].
-        rotation: rotation of the soles, shape (3, 3).
+        rotation: rotation of the soles from those of a stance foot on level ground, shape (3, 3).
         height: height of the middle of the group above a slope through the stance foot [m].
         tilt: slope of the line between the feet, in addition to that of the ground [1].
     """
@@ -78,6 +88,7 @@ class WalkingEngine:
         self.stance = StanceFeet.of(body, parameters, groups)
         self.estimator = Estimator(body, self.stance, parameters.feedback)
         self.planner = WalkPlanner(parameters, self.stance, period, height_map)
+        # Height [m] and pitch of the root while the robot walks.
         self._bearing = parameters.bearing
 
     def stand(self, posture: Vector, slope: complex = 0j) -> tuple[Stride, Vector]:
@@ -135,7 +146,8 @@ class WalkingEngine:
 
         Args:
             stride: references of the trunk and of the feet.
-            com_from_root: centre of mass x y z from the upright root [m].
+            com_from_root: centre of mass x y z from the root in that posture, in a root that is upright and looks along
+                x [m].
             lift: height of the swing foot above the ground [m].
             rounds: count of Newton steps of the inverse kinematics.
 
@@ -144,6 +156,7 @@ class WalkingEngine:
         """
         bearing = self._bearing
         trunk = stride.trunk
+        # A slow correction [rad]: of the lean to the right (real part) and of the pitch (imaginary part).
         correction = stride.corrections.lean_integral
         trunk_rotation = rotation_matrix(
             roll=trunk.lean + correction.real,
@@ -151,7 +164,8 @@ class WalkingEngine:
             yaw=trunk.heading,
         )
 
-        # The root is where the centre of mass is over its reference. The trunk's rotation turns the vector between.
+        # The root is where the centre of mass is over its reference, at the height of the walk. The trunk's rotation
+        # turns the vector from the root to the centre of mass.
         com_x = sum(map(mul, trunk_rotation[0], com_from_root))
         com_y = sum(map(mul, trunk_rotation[1], com_from_root))
         root = (
@@ -163,7 +177,7 @@ class WalkingEngine:
         standing, swinging = self._group_poses(stride, lift)
         stance_feet = self._foot_poses(standing, stride.ground.slope, root)
         swing_feet = self._foot_poses(swinging, stride.ground.slope, root)
-        # The body counts the right feet first.
+        # The body takes the right group of feet (0) first.
         right_stands = stride.step.sides[0] == 0
         feet = [*stance_feet, *swing_feet] if right_stands else [*swing_feet, *stance_feet]
         return self.body.solve_posture(trunk_rotation, np.array(feet), rounds)
@@ -174,6 +188,9 @@ class WalkingEngine:
         Args:
             stride: references of the feet.
             lift: height of the swing foot above the ground [m].
+
+        Returns:
+            The pose of the stance group, then that of the swing group.
         """
         standing, swinging = stride.step.sides
         ground = stride.ground
@@ -209,7 +226,7 @@ class WalkingEngine:
         return stance_pose, swing_pose
 
     def _foot_poses(self, group: _GroupPose, slope: complex, root: Position) -> list[Rows]:
-        """Compute the desired poses of a group's soles from the root, in the world's axes.
+        """Compute the desired poses of a group's soles: positions from the root, axes of the stance foot.
 
         Args:
             group: desired pose of the group.
@@ -217,7 +234,7 @@ class WalkingEngine:
             root: position of the root from the stance foot [m].
 
         Returns:
-            One matrix of shape (3, 4) for each foot [1, m].
+            One matrix of shape (3, 4) for each foot [1, m]: the rotation, and the position as last column.
         """
         row_x, row_y, row_z = group.rotation
         root_x, root_y, root_z = root

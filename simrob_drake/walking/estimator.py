@@ -1,4 +1,12 @@
-"""Estimator of a walk: converts the measured motion of a robot to the quantities that the planner feeds back."""
+"""Estimator of a walk: converts the measured motion of a robot to the quantities that the planner feeds back.
+
+The feet form two groups that stand and swing in turn: 0 on the right, 1 on the left. The stance foot is the middle of
+the group that stands; a pair is a group of two feet. Feet have flat soles, or are balls that roll. Poses of soles are
+matrices of shape (3, 4), given as three rows: rotation and position. The divergent component of motion is c + v / omega
+for the centre of mass c, its velocity v and the natural frequency omega of a pendulum of its height. In names, com is
+the centre of mass and xi the divergent component. The state of the walk, a :class:`Stride`, has the slope of the ground
+as far as it is known and, for a pair of stance feet, the tilt of the line between them in addition to it.
+"""
 
 import math
 from collections.abc import Sequence
@@ -39,9 +47,9 @@ class Estimate(NamedTuple):
         heading: heading of the trunk in the world [rad].
         slope: slope of the ground under the stance foot, ahead and to the left [1].
         touches: whether the swing foot touches the ground. Of a swing pair, both feet must feel the ground if forces
-            are measured; without forces, the height of the lower one decides.
-        down: whether each swing foot feels the ground. Empty if no forces are measured.
-        hangs: whether each stance foot does not feel the ground. Empty if no forces are measured.
+            decide; otherwise the height of the lower one decides.
+        down: whether each swing foot feels the ground. Empty if heights decide instead of forces.
+        hangs: whether each stance foot does not feel the ground. Empty if heights decide instead of forces.
         origin: position of the stance foot in the world [m].
         turn: factor that converts a vector in the world to one from the stance foot, a complex number of length one.
     """
@@ -112,14 +120,15 @@ class Estimator:
         velocity = turn * complex(velocity_x, velocity_y) / self._stance.roll_factor
         omega = self._stance.omega(max(z - min(state.lowest), _LEAST_HEIGHT))
 
-        forward, sideways, up = state.trunk
+        # Rows of the rotation from upright to the trunk. For small leans, a sine is taken for its angle.
+        row_x, row_y, row_z = state.trunk
         contacts = self._find_contacts(stride, state, forces, origin, turn)
         return Estimate(
             com=com,
             xi=com + velocity / omega,
-            lean=up[1],
-            pitch=-up[0],
-            heading=math.atan2(sideways[0], forward[0]),
+            lean=row_z[1],
+            pitch=-row_z[0],
+            heading=math.atan2(row_y[0], row_x[0]),
             slope=self._slope_under_soles(stride, stance_feet, turn),
             touches=contacts.touches,
             down=contacts.down,
@@ -140,8 +149,10 @@ class Estimator:
             origin: middle of these positions [m].
         """
         if len(poses) == 1:
+            # The x axis of the only sole.
             return sum(complex(x_row[0], y_row[0]) for x_row, y_row, _ in poses)
-        # The feet of a pair may be balls, which turn with their legs. The line between them does not.
+        # The feet of a pair may be balls, which turn with their legs. The line between them does not. Each product has
+        # the angle by which the pair is turned from its offsets in the stance.
         offsets = zip(points, self._stance.offsets[standing], strict=True)
         return sum((point - origin) * offset.conjugate() for point, offset in offsets)
 
@@ -153,9 +164,10 @@ class Estimator:
         origin: complex,
         turn: complex,
     ) -> _Contacts:
-        """Find which feet touch the ground: by their forces if these are measured, else by their heights.
+        """Find which feet touch the ground, by their forces or by their heights.
 
-        Forces show the contact of each foot. Heights only show whether the lowest swing foot touches.
+        Forces decide if they are measured and the feedback has a `touch_force`; they show the contact of each foot.
+        Otherwise heights decide, which only show whether the lowest swing foot touches.
 
         Args:
             stride: state of the walk.
@@ -193,7 +205,7 @@ class Estimator:
             turn: factor that converts a vector in the world to one from the stance foot.
         """
         if not self._body.ball_radius:
-            # The soles' normals are the third columns of their rotations.
+            # The soles' normals n are the third columns of their rotations. The slope of a plane is -n_xy / n_z.
             normals = sum(complex(x_row[2], y_row[2]) for x_row, y_row, _ in poses)
             upright = sum(z_row[2] for _, _, z_row in poses)
             return -turn * normals / max(upright, _LEAST_UPRIGHT)
@@ -215,7 +227,7 @@ class Estimator:
         the slope along the line between them. Soles show all of it, so that the result is that of the last group.
 
         Args:
-            state: measured motion of the robot in the world.
+            state: measured motion of the robot in the world, with both groups of feet on the ground.
         """
         slope = 0j
         for number in range(_SLOPE_ROUNDS):
@@ -224,9 +236,13 @@ class Estimator:
         return slope
 
     def feet_to_measure(self, stride: Stride) -> Sequence[int]:
-        """Find the indices of the feet whose forces count in a sample, as reading a force takes time.
+        """Find the indices of the feet whose forces count in a sample. The others are not read, as that takes time.
 
-        These are the swing feet while they may touch the ground, and the stance feet if late feet are searched for.
+        These are the swing feet while they may touch the ground, and the stance feet if the feedback lowers late feet
+        (`late_touchdown` is not 0). There are none without feedback.
+
+        Args:
+            stride: state of the walk.
         """
         feedback = self._feedback
         if feedback is None:

@@ -1,4 +1,7 @@
-"""Getting up after a fall: sequences of postures from the belly and from the back, from a robot's `gaits.yaml`."""
+"""Getting up after a fall: sequences of postures from the belly and from the back, from a robot's `gaits.yaml`.
+
+A sequence is called a way. Its postures name only the axes that move.
+"""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -51,8 +54,9 @@ def load_getting_up(model: RobotModel) -> GettingUp:
     """Load the postures with which a robot gets up.
 
     Raises:
-        Unsuitable: the robot's ``gaits.yaml`` has no section for it.
-        SimrobError: the section has an invalid entry.
+        InvalidParameter: the robot has no file ``gaits.yaml``.
+        Unsuitable: the file has no section for it.
+        InvalidConfig: the file cannot be read, or the section has an invalid entry.
     """
     gaits = gaits_file(model)
     section = gaits.section(GETTING_UP)
@@ -75,7 +79,10 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
 
     Args:
         model: model of the robot.
-        way: the sequence. An axis keeps the angle of the posture before, and is 0 at first.
+        way: the sequence. An axis that a posture does not name keeps its angle of the posture before; it is 0 at first.
+
+    Returns:
+        The angles after each posture, in the order of the robot's axes.
 
     Raises:
         UnknownName: the robot does not have an axis, or a pair of axes.
@@ -109,6 +116,10 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
 
 def _axis_indices(model: RobotModel, axis: str) -> list[int]:
     """Find the index of an axis, or both indices of a pair of axes that is named without its sides.
+
+    Args:
+        model: model of the robot.
+        axis: name of the axis, or of the pair: ``knee`` is ``right_knee`` and ``left_knee``.
 
     Raises:
         UnknownName: the robot has neither an axis nor a pair of this name.

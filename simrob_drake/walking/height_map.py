@@ -53,7 +53,7 @@ class _Window(NamedTuple):
     Attributes:
         block: the block that contains the position.
         row: index of the first cell along x in the arrays of the block. The position's cell is `_REACH` further.
-        column: index of the first cell along y, likewise.
+        column: index of the first cell along y. The position's cell is `_REACH` further.
     """
 
     block: _Block
@@ -76,7 +76,7 @@ class HeightMap:
         self._blocks = dict[tuple[int, int], _Block]()
 
     def heights(self, places: Sequence[complex]) -> list[float]:
-        """Look up the height of the ground at positions [m]."""
+        """Look up the heights of the ground [m] at positions in the world [m]. Blocks that are new are computed."""
         found = []
         for place in places:
             block, row, column = self._window_around(place)
@@ -101,9 +101,10 @@ class HeightMap:
         down, and the last shift d'.
 
         Args:
-            feet: positions where the feet are to land.
+            feet: positions in the world where the feet are to land.
             chosen: the last shift d' [m].
-            allowed: function that checks which shifts the legs can reach, of any shape [m].
+            allowed: function of an array of shifts [m] that returns an array of the same shape: True for each shift
+                that the legs can reach.
             level: height of the ground under the stance foot [m].
             rise: largest step up or down [m].
 
@@ -115,6 +116,7 @@ class HeightMap:
         ground_cost = np.zeros(_SHIFTS.shape)
         size = len(_DISTANCES)
         for place in feet:
+            # The window has one cell for each shift: its middle is the cell of the planned place.
             block, row, column = self._window_around(place)
             window = (slice(row, row + size), slice(column, column + size))
             excess = np.maximum(np.abs(block.heights[window] - level) - rise, 0.0)
@@ -131,7 +133,8 @@ class HeightMap:
         return complex(_SHIFTS.flat[int(cost.argmin())])
 
     def _window_around(self, place: complex) -> _Window:
-        """Find the surroundings of a position, and compute its block if that is new."""
+        """Find the surroundings of a position in the world [m], and compute its block if that is new."""
+        # Cell and block that contain the position. The middle of cell i is at i CELL.
         x = round(place.real / CELL)
         y = round(place.imag / CELL)
         key = (x // _BLOCK, y // _BLOCK)
@@ -164,5 +167,6 @@ class HeightMap:
         under_foot = np.lib.stride_tricks.sliding_window_view(heights, (side, side))
         difference = under_foot.max(axis=(2, 3)) - under_foot.min(axis=(2, 3))
         roughness = np.where(difference > _EVEN, (_HEIGHT_WEIGHT * difference) ** 2, 0.0)
+        # The windows of `side` cells have taken half a foot off each border; the same is cut off the heights.
         inner = slice(self._foot, -self._foot)
         return _Block(heights[inner, inner], roughness)

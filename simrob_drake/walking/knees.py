@@ -78,7 +78,11 @@ def knee_of(
         context: context of the plant with a posture near which the leg is examined. It is the same afterwards.
         joints: joints of the leg, from the hip to the foot.
         foot: frame of the leg's foot.
-        tip: point of the foot that stands on the ground, shape (3,) [m].
+        tip: point of the foot that stands on the ground, in the frame of the foot, shape (3,) [m].
+
+    Returns:
+        The knee. Its `fold` is measured from the hip to the tip of the foot, its `straight` between the joints above
+        and below it.
     """
 
     def origin(joint: RevoluteJoint) -> Vector:
@@ -95,12 +99,17 @@ def knee_of(
             joint.frame_on_child().CalcPoseInWorld(context).rotation() @ joint.revolute_axis()
         )
 
+    def from_hip_to_tip() -> Vector:
+        """Vector from the first joint to the tip of the foot in the world [m]."""
+        return end() - origin(joints[0])
+
     # The knee is the joint that changes the distance from the hip to the foot most.
-    folds = [_find_fold(context, joint, lambda: end() - origin(joints[0])) for joint in joints]
+    folds = [_find_fold(context, joint, from_hip_to_tip) for joint in joints]
     knee = int(np.argmax([fold for _, fold in folds]))
 
     # Thigh and shank are measured between parallel axes: joints across the knee do not fold the leg.
     directions = [direction(joint) for joint in joints]
+    # Without a parallel joint, the thigh begins at the hip, and the shank ends at the tip of the foot.
     is_parallel = [abs(each @ directions[knee]) > _PARALLEL for each in directions]
     above = next(
         (joints[other] for other in range(knee - 1, -1, -1) if is_parallel[other]), joints[0]
@@ -110,7 +119,7 @@ def knee_of(
     )
 
     def from_above_to_below() -> Vector:
-        """Vector from the parallel joint above the knee to that below, or to the tip of the foot [m]."""
+        """Vector in the world from the parallel joint above the knee to that below, or to the tip of the foot [m]."""
         lower_end = origin(below) if below else end()
         return lower_end - origin(above)
 
@@ -126,7 +135,7 @@ def _find_fold(
     Args:
         context: context of the plant. It is the same afterwards.
         joint: the joint that is turned.
-        vector: function that gives the vector between the ends of the leg, shape (3,) [m].
+        vector: function that gives the vector between the ends of the leg in the present posture, shape (3,) [m].
 
     Returns:
         The angle at which the vector is longest [rad], and the largest part by which its square gets shorter [1].
@@ -139,6 +148,7 @@ def _find_fold(
     joint.set_angle(context, before)  # the caller's context is the same afterwards
 
     # The first Fourier coefficient of a + b cos(q - q0) is b exp(i q0), and its mean is a.
+    # Its square varies between a - b and a + b: the part is 2 b / (a + b).
     coefficient = 2.0 / 3.0 * np.exp(1j * _ANGLES) @ squares
     longest_at = float(np.angle(coefficient))
     largest = np.mean(squares) + abs(coefficient)

@@ -239,8 +239,9 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
             ("0", "1" ...) that a section names.
 
     Raises:
-        Unsuitable: the robot's ``gaits.yaml`` has no such section.
-        InvalidConfig: a parameter is invalid.
+        InvalidParameter: the robot has no file ``gaits.yaml``.
+        Unsuitable: the file has no such section.
+        InvalidConfig: the file cannot be read, or a parameter is invalid.
     """
     gaits = gaits_file(model)
     section = gaits.section(REACTING)

@@ -8,6 +8,23 @@ of mass and of the trunk's lean approach their estimates, so that the joints do 
 steps after it. A step ends when the swing foot touches the ground.
 
 Positions are complex numbers [m], measured from the stance foot: the real part ahead, the imaginary part to the left.
+A foot may be a group of feet, such as the pair of a trot; its position is that of the middle of the group.
+
+At the start of a step the weight is transferred: the zero-moment point goes to the rest point of the stance foot, while
+both feet stand. Then the swing foot lifts. The share of its swing is the elapsed part of the swing's duration, 0 to 1.
+A step hurries if its foot lifts at once, without a transfer. A robot braces if it stands on both feet until an error is
+over. Errors within the deadband are not answered. Heights of the swing foot consist of the height of the ground that
+is expected below it, and of its lift above that.
+
+The state of a walk, a :class:`Stride`, has six parts: the current step with the command that it follows; the pose and
+the share of the swing foot; the landing; the references of the trunk (centre of mass, zero-moment point, heading, lean
+and rise of the root); the ground, with its slope [1], the height of the ground under the swing foot in addition to the
+slope, and for pairs the tilt of the line between their feet; and corrections, which are learnt slowly. An
+:class:`Estimate` is the motion as measured. With force sensors it also has `down`, whether each foot of the swing group
+feels the ground, and `hangs`, whether each foot of the stance group does not.
+
+In names, com is the centre of mass, zmp the zero-moment point, and dcm the divergent component. So is xi: that of the
+estimate is measured, any other is a reference.
 """
 
 import cmath
@@ -150,7 +167,8 @@ class WalkPlanner:
         Args:
             stride: state of the walk.
             command: desired motion.
-            estimate: what the sensors measure, or None to walk without feedback.
+            estimate: what the sensors measure, or None to walk without feedback. It has no effect if the parameters
+                have no feedback.
             omega: natural frequency of the pendulum [1/s].
 
         Returns:
@@ -164,7 +182,8 @@ class WalkPlanner:
             offset = stride.corrections.com_offset
             estimate = estimate._replace(com=estimate.com - offset, xi=estimate.xi - offset)
 
-        # The landing first, as the divergent component depends on it; then the feet and the trunk follow.
+        # The landing first, as the divergent component depends on it; then the feet and the trunk follow. `before`
+        # still has the swing foot of the last sample, and `now` that of this one.
         before, xi = self._plan_step(stride, command, omega, estimate)
         now, lift = self._move_swing_foot(before, estimate)
         if estimate is not None:
@@ -180,10 +199,16 @@ class WalkPlanner:
     def _follow_estimate(self, stride: Stride, estimate: Estimate, xi: complex) -> Stride:
         """Move the references towards the estimate, and learn the errors that last.
 
+        It does so during the steps of a walk. While the robot stands, and in the longer weight transfer of the first
+        step, only the slope of the ground is learnt; while it is braced, nothing is.
+
         Args:
             stride: references of this sample.
             estimate: what the sensors measure.
             xi: reference of the divergent component [m].
+
+        Returns:
+            The stride with changed references of the trunk, ground and corrections.
         """
         feedback = self._feedback
         step = stride.step
@@ -213,7 +238,11 @@ class WalkPlanner:
     def _trunk_towards(self, stride: Stride, estimate: Estimate) -> Trunk:
         """Move the trunk's references towards the estimate, and the trunk back to upright and to its height.
 
-        Each is a first-order lag: x + (1 - exp(-rate T)) (measured - x).
+        Each is a first-order lag with the sample time T: x + (1 - exp(-rate T)) (measured - x).
+
+        Args:
+            stride: references of this sample.
+            estimate: what the sensors measure.
         """
         feedback = self._feedback
         trunk = stride.trunk
@@ -256,6 +285,8 @@ class WalkPlanner:
     ) -> tuple[Stride, complex]:
         """Decide where and when the step lands, and where the divergent component shall be now.
 
+        It also begins the first step of a walk, and stops a walk that has to brace.
+
         Args:
             stride: state of the walk.
             command: desired motion.
@@ -263,16 +294,13 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
 
         Returns:
-            The stride with its landing and zero-moment point, and the divergent component [m].
+            The stride with its landing and zero-moment point, and the reference of the divergent component [m].
         """
         if not stride.step.active:
             stride = self._start_if_needed(stride, command, estimate)
         if not stride.step.active:
-            # the divergent component of a robot that stands is at rest
-            return (
-                stride,
-                stride.trunk.zmp,
-            )
+            # The divergent component of a robot that stands is at rest, at the zero-moment point.
+            return stride, stride.trunk.zmp
 
         if estimate is not None and self._can_turn:
             stride = self._hold_heading(stride, command, estimate)
@@ -283,6 +311,7 @@ class WalkPlanner:
             turn=step.turn + stride.corrections.turn_back,
         )
         usual = self.steps.plan_landing(swinging, corrected)
+        # The first step of a walk takes longer than usual: `nominal` is the planned duration of this step.
         planned = self._shift_to_even_ground(stride, estimate, usual._replace(time=step.nominal))
 
         # The zero-moment point goes to its rest point on a straight line while the weight is transferred.
@@ -297,6 +326,7 @@ class WalkPlanner:
             condition=self.steps.dcm_at_landing(standing, corrected, omega),
         )
 
+        # In the last moments before the landing, that of the last sample stays.
         landing = stride.landing
         if estimate is None:
             landing = planned
@@ -314,7 +344,13 @@ class WalkPlanner:
         return stride, xi
 
     def _hold_heading(self, stride: Stride, command: Command, estimate: Estimate) -> Stride:
-        """Turn the desired heading by the command, and set the turn that brings the trunk back to it."""
+        """Turn the desired heading by the command, and set the turning speed that brings the trunk back to it.
+
+        Args:
+            stride: state of the walk.
+            command: desired motion.
+            estimate: what the sensors measure, with the heading of the trunk in the world.
+        """
         desired = stride.trunk.desired_heading
         error = math.remainder(desired - estimate.heading, math.tau)
         turn_back = clamp(self._feedback.heading_gain * error, _LARGEST_TURN_BACK)
@@ -335,7 +371,8 @@ class WalkPlanner:
             support: the rest of the step.
 
         Returns:
-            The rest of the step, whose weight transfer ends at once if the foot can lift, and the landing.
+            The rest of the step, whose weight transfer ends at once if the foot can lift, and the landing. Both are the
+            given ones if the error is within the deadband.
         """
         feedback = self._feedback
         standing, swinging = stride.step.sides
@@ -354,7 +391,7 @@ class WalkPlanner:
         # Soles bring the zero-moment point beyond the error, which then grows more slowly.
         shift = _clamp_parts(feedback.zmp_gain * error, feedback.zmp_limit)
         state = DivergentComponent(
-            xi=desired + error,
+            xi=desired + error,  # as measured, but for the deadband
             omega=support.omega,
             now=support.time,
             lift_off=support.transfer,
@@ -366,7 +403,7 @@ class WalkPlanner:
         return support, self._shift_to_even_ground(stride, estimate, adjusted)
 
     def _must_brace(self, estimate: Estimate | None, xi: complex) -> bool:
-        """Check whether an error to the side is too large for a step aside.
+        """Check whether an error to the side is too large for a step aside. Returns False without a threshold.
 
         Args:
             estimate: what the sensors measure, or None to walk without feedback.
@@ -388,7 +425,18 @@ class WalkPlanner:
     def _start_if_needed(
         self, stride: Stride, command: Command, estimate: Estimate | None
     ) -> Stride:
-        """Begin the first step of a standing robot, if there is a command or an error of the divergent component."""
+        """Begin the first step of a standing robot, if there is a command or an error of the divergent component.
+
+        A braced robot does not step: it only counts down the time for which it stays braced, once the error is small.
+
+        Args:
+            stride: state of the standing robot.
+            command: desired motion.
+            estimate: what the sensors measure, or None to walk without feedback.
+
+        Returns:
+            The stride of the first step, or that of the robot which goes on standing.
+        """
         step = stride.step
         error = estimate.xi - stride.trunk.zmp if estimate is not None else 0j
         if step.brace_time > 0:
@@ -411,8 +459,10 @@ class WalkPlanner:
         Args:
             stride: state of the standing robot.
             command: desired motion.
-            error: error of the divergent component outside of the deadband [m]. The foot on its side steps.
+            error: part of the divergent component's error outside of the deadband [m], or 0. The foot on its side
+                steps.
         """
+        # Positive if the left foot stands, negative if the right one does.
         # Index 1 is the left foot, and an imaginary part above zero is to the left, too. The foot on the side of the
         # error must swing, as it can step further out than the other one.
         side_of_stance_foot = stride.step.standing - 0.5
@@ -438,6 +488,8 @@ class WalkPlanner:
     def _begin_step(self, stride: Stride, command: Command, *, hurries: bool) -> Stride:
         """Begin a step whose speed approaches the command.
 
+        It sets the durations and the speeds of the step. The place of the landing follows in `_plan_step`.
+
         Args:
             stride: state of the walk, seen from the foot that stands in the step.
             command: desired motion.
@@ -455,9 +507,9 @@ class WalkPlanner:
         return stride._replace(step=step, landing=stride.landing._replace(time=duration))
 
     def _move_swing_foot(self, stride: Stride, estimate: Estimate | None) -> tuple[Stride, float]:
-        """Move the swing foot towards its landing, and turn the trunk.
+        """Move the swing foot and the ground below it towards the landing, and turn the trunk.
 
-        Nothing moves before the weight has been transferred.
+        Nothing moves while the robot stands, before the weight has been transferred, or if no time is left for a swing.
 
         Args:
             stride: state of the walk, with the landing of the step.
@@ -496,11 +548,11 @@ class WalkPlanner:
         return stride, self._lift_at(share)
 
     def _ground_of_swing(self, stride: Stride, estimate: Estimate | None, share: float) -> Ground:
-        """Compute the ground under the swing foot, from the height map if there is one.
+        """Compute the ground under the swing foot, from the height map if there is one and an estimate.
 
         Without a map, the ground is expected to have no steps: in the first part of the swing (`_height_part`), the
         height under the foot goes to that of the stance foot, and then stays there. With a slope, these are the heights
-        in addition to the slope, see :class:`Ground`.
+        in addition to the slope.
 
         Args:
             stride: state of the walk, with the swing of the last sample.
@@ -531,6 +583,9 @@ class WalkPlanner:
             estimate: what the sensors measure.
             share: share of the swing's duration at this sample.
             known: the height map.
+
+        Returns:
+            The ground with the height of the swing foot, and for a pair the slope of the line between its feet.
         """
         standing, swinging = stride.step.sides
         offsets = self._stance.offsets[swinging]
@@ -567,7 +622,13 @@ class WalkPlanner:
         )
 
     def _level_of(self, estimate: Estimate, group: int, known: HeightMap) -> float:
-        """Compute the mean height of the map under the feet of the stance group [m]."""
+        """Compute the mean height of the map under the feet of the stance group [m].
+
+        Args:
+            estimate: what the sensors measure, with the position of the stance foot in the world.
+            group: index of the stance group.
+            known: the height map.
+        """
         offsets = self._stance.offsets[group]
         heights = known.heights([estimate.in_world(offset) for offset in offsets])
         return sum(heights) / len(heights)
@@ -575,7 +636,15 @@ class WalkPlanner:
     def _shift_to_even_ground(
         self, stride: Stride, estimate: Estimate | None, landing: Landing
     ) -> Landing:
-        """Shift a landing to a near place where the ground is even. Without a height map, it stays as planned."""
+        """Shift a landing to a near place where the ground is even.
+
+        Without a height map or an estimate, the landing stays as planned.
+
+        Args:
+            stride: state of the walk, with the landing of the last sample.
+            estimate: what the sensors measure, or None to walk without feedback.
+            landing: the landing as planned.
+        """
         if self._map is None or estimate is None:
             return landing
         standing, swinging = stride.step.sides
@@ -609,6 +678,8 @@ class WalkPlanner:
     def _respond_to_contact(self, before: Stride, stride: Stride, estimate: Estimate) -> Stride:
         """Keep swing feet that feel the ground where they are, and lower stance feet that do not.
 
+        Nothing changes without force sensors in the feet: `down` and `hangs` of the estimate are empty then.
+
         Args:
             before: stride with the swing of the last sample.
             stride: stride with the swing of this sample.
@@ -618,7 +689,7 @@ class WalkPlanner:
         step = stride.step
         if any(estimate.down) and stride.swing.share > feedback.early_touchdown:
             # The feet that feel the ground stay where they are, while others come down: they are raised by as much as
-            # the lift descends in this sample, or lowered while it still ascends.
+            # the lift descends in this sample, or lowered while it still ascends. `has_contact` counts as 1 or 0.
             descent = self._lift_at(before.swing.share) - self._lift_at(stride.swing.share)
             stride = self._raise_swing_feet(
                 stride, [descent * has_contact for has_contact in estimate.down]
@@ -644,7 +715,7 @@ class WalkPlanner:
         return stride
 
     def _raise_swing_feet(self, stride: Stride, distances: Sequence[float]) -> Stride:
-        """Raise each foot of the swing group by its own distance [m]. Without distances, the stride stays equal."""
+        """Raise each foot of the swing group by its own distance [m]. Nothing changes without distances but zero."""
         if not any(distances):
             return stride
         slope_weights = self._stance.slope_weights[1 - int(stride.step.standing)]
@@ -669,6 +740,9 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
             xi: reference of the divergent component [m].
             lift: height of the swing foot above the expected ground [m].
+
+        Returns:
+            The state of the walk for the next sample: the same step, the next one, or a robot that stands.
         """
         step = stride.step
         if not step.active:
@@ -695,9 +769,13 @@ class WalkPlanner:
         return self._change_feet(stride, command, estimate, lift, hurries=hurries)
 
     def _search_ground(self, stride: Stride, estimate: Estimate) -> Stride:
-        """Lower the swing feet that are late. Feet that feel the ground stay."""
+        """Lower the swing feet that are late, and count their time. Feet that feel the ground stay.
+
+        Without force sensors, all feet of the group go down.
+        """
         step = stride.step._replace(late=stride.step.late + self._period)
         descent = self._feedback.search_speed * self._period
+        # 0 for a foot with contact, which counts as 1, and -descent for the others.
         distances = [has_contact * descent - descent for has_contact in estimate.down]
         if not distances:
             swinging = stride.step.sides[1]
@@ -740,8 +818,12 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
             lift: height at which the foot has landed above the expected ground [m].
             hurries: whether the next foot lifts at once, as there is a large error.
+
+        Returns:
+            The state as seen from the foot that has landed, with the next step, or of a robot that stands.
         """
         swinging = stride.step.sides[1]
+        # Where the foot would stand at the end of a walk: next to the other one.
         usual = Landing(stride.landing.time, self.steps.apart[swinging])
         side_by_side = self._shift_to_even_ground(stride, estimate, usual)
         distance = abs(stride.swing.place - side_by_side.place)

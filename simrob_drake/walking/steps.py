@@ -12,7 +12,9 @@ time D, and then stays there. The end of the step therefore decides where :math:
     w_0 = 1 - \frac{1 - e^{-\omega D}}{\omega D}, \quad w_1 = 1 - e^{-\omega T} - w_0 .
 
 Positions are complex numbers [m], measured from the stance foot: the real part ahead, the imaginary part to the left.
-A multiplication by exp(i a) turns a position by the angle a to the left.
+A multiplication by exp(i a) turns a position by the angle a to the left. The foot that stands has the index `standing`,
+the foot that moves the index `swinging`: 0 is the right one, 1 the left one. A foot may be a group of feet. In names,
+dcm or xi is the divergent component of motion, and zmp the zero-moment point.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ class Weights(NamedTuple):
 
 
 def weights(omega: float, time: float, transfer: float) -> Weights:
-    """Compute the weights of a step, see the equations of the module.
+    """Compute the weights of the rest of a step in its divergent component, by the equations of the module.
 
     Args:
         omega: natural frequency of the pendulum [1/s].
@@ -90,6 +92,9 @@ class Command(NamedTuple):
         Args:
             target: the command to approach.
             largest_change: most that the speed ahead and to the left [m/s] and the turning speed [deg/s] change.
+
+        Returns:
+            The changed command. It is the target if all changes are within their limits.
         """
         ahead, left, turn_deg = largest_change
         speed_error = target.speed - self.speed
@@ -187,6 +192,9 @@ class Steps:
         Args:
             swinging: index of the swing foot.
             places: positions as complex numbers, measured from the stance foot.
+
+        Returns:
+            True for each allowed position, in the shape of `places`.
         """
         foothold = self._foothold
         outward = _outward(swinging) * places.imag
@@ -213,7 +221,7 @@ class Steps:
         Args:
             swinging: index of the swing foot.
             command: the command that the step follows.
-            turn: turn of the robot in the step, as a complex number of length one.
+            turn: turn of the robot in the step, as a complex number of length one: exp(i yaw).
         """
         # From the stance foot to the robot's middle, and from there to the swing foot's side, which has turned.
         to_side = 0.5 * self.apart[swinging]
@@ -271,7 +279,7 @@ class Steps:
     def dcm_at_landing(self, standing: int, command: Command, omega: float) -> LandingCondition:
         """Compute the condition on the divergent component at the end of the present step.
 
-        The condition is linear in the foothold, see :class:`LandingCondition`.
+        The condition is linear in the foothold u: the divergent component is (1 - start) u + offset.
 
         Args:
             standing: index of the stance foot of the present step.
@@ -313,6 +321,9 @@ class Steps:
             state: the divergent component.
             foot: position of the swing foot [m].
             condition: condition on the divergent component at the landing.
+
+        Returns:
+            The best landing, with the yaw of the planned one.
         """
         feedback = self._feedback
         assert feedback is not None  # a walk without feedback keeps its planned landings
@@ -321,6 +332,7 @@ class Steps:
         # One sample of the grid must remain for the foot to move, and a swing has a least duration.
         earliest = max(state.now + _TIME_GRID, lift_off + feedback.min_swing_time)
         latest = lift_off + feedback.max_swing_time
+        # At least one time of the grid is compared, also if no time is left before the latest one.
         count = max(math.ceil((latest - earliest) / _TIME_GRID), 1)
         times = (planned.time, *(earliest + _TIME_GRID * index for index in range(count)))
 
@@ -360,7 +372,8 @@ class Steps:
             planned: landing without an error.
             desired: foothold that the divergent component requires [m].
             foot: position of the swing foot [m].
-            time: time until the foot lands [s].
+            time: time that the foot has for its motion [s]: until it lands, from now, or from its lift-off if that is
+                later.
             feedback: parameters of the feedback.
         """
         foothold = self._foothold

@@ -1,7 +1,8 @@
 """State of a walk from one sample to the next.
 
 All positions are in the plane of the floor, as complex numbers [m]: the real part is ahead, the imaginary part to the
-left. They are measured from the stance foot, in the direction in which the stance foot looks.
+left. They are measured from the stance foot, in the direction in which the stance foot looks. In names, com is the
+centre of mass and zmp the zero-moment point. A foot may be a group of feet; its position is that of the group's middle.
 """
 
 from __future__ import annotations
@@ -133,7 +134,7 @@ class Corrections(NamedTuple):
 
 
 class Stride(NamedTuple):
-    """State of a walk. Positions are measured from the stance foot, see the module."""
+    """State of a walk. Positions are measured from the stance foot, ahead and to the left."""
 
     step: Step = Step()
     swing: Swing = Swing()
@@ -146,7 +147,8 @@ class Stride(NamedTuple):
         """Exchange stance foot and swing foot: the state as measured from the foot that has landed.
 
         A point p becomes (p - u) exp(-i yaw), with the position u and the angle yaw of the foot that has landed. A
-        direction is only turned.
+        direction is only turned. Lean and pitch of the trunk, the heading in the world, and the landing stay: the next
+        step sets its own landing.
         """
         origin = self.swing.place
         yaw = self.swing.yaw
@@ -192,7 +194,7 @@ class Stride(NamedTuple):
     def of(cls, numbers: Vector) -> Stride:
         """Convert a vector of shape (:data:`NUMBERS`,) back to the state: the inverse of :meth:`numbers`."""
         # `_IS_COMPLEX` and `_GROUPS`, at the end of the module, list the types of the values and the classes of their
-        # groups. Of a real value's two numbers, the first one is the value.
+        # groups, such as `Step` and `Swing`. Of a real value's two numbers, the first one is the value.
         as_complex = numbers.view(complex).tolist()
         real_parts = numbers[::2].tolist()
         pairs = zip(_IS_COMPLEX, as_complex, real_parts, strict=True)
@@ -229,8 +231,12 @@ def progress_since(before: float, now: float, peak: float = SOFTEST) -> float:
     Args:
         before: share of the duration at the last sample. Values above 1 count as 1.
         now: share of the duration at this sample. Values above 1 count as 1.
-        peak: largest speed over the mean speed, see :func:`smoothstep`.
+        peak: largest speed over the mean speed, from 1.5 for the most even motion to 1.875 for the softest one.
+
+    Returns:
+        The part, from 0 to 1.
     """
+    # progress = (s(now) - s(before)) / (1 - s(before)), with the part s of the whole motion.
     remainder = 1.0 - smoothstep(min(before, 1.0), peak)
     progress = smoothstep(min(now, 1.0), peak) - 1.0 + remainder
     return min(progress / max(remainder, _LEAST_REMAINDER), 1.0)

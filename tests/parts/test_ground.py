@@ -37,6 +37,17 @@ def test_a_level_floor_is_the_plane_of_the_world():
     assert ground.is_level_plane
 
 
+@pytest.mark.parametrize("boxes", [(), ((RigidTransform(), np.ones(3)),)])
+@pytest.mark.parametrize("has_floor", [True, False])
+def test_without_points_there_are_no_heights_and_nothing_stands_without_a_floor(boxes, has_floor):
+    """A robot without feet has no points that could stand."""
+    ground = Ground(has_floor=has_floor, boxes=boxes)
+    no_points = np.zeros((0, 3))
+
+    assert ground.beneath(no_points).shape == (0,)
+    assert ground.carries(no_points, 0.05) is has_floor
+
+
 def test_tops_of_boxes_are_where_drake_has_their_surfaces():
     """The distance to the plate is zero on its surface; just above the surface, no shape overlaps the point."""
     station = load_station("humanoid_dynamic", {"pieces.plate": PLATE, **SLOPE, "sensors": {}})

@@ -11,7 +11,14 @@ from simrob_drake import Arm, load_station, simulate
 from simrob_drake.base.drake_versions import TENDONS
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.blocks.combined_references import combine_references
-from simrob_drake.blocks.references import SineReference, hold, move, ramp, reference_values
+from simrob_drake.blocks.references import (
+    SineReference,
+    hermite,
+    hold,
+    move,
+    ramp,
+    reference_values,
+)
 from simrob_drake.programs.program import Program
 from simrob_drake.robots.coupled_axes import CoupledAxes, Equation, Firmness
 
@@ -258,6 +265,21 @@ def test_sines_are_combined_exactly():
     times = np.linspace(0, 3, 100)
     positions = np.hstack([SINE.values(times), np.full((100, 1), resting_at)])
     np.testing.assert_allclose(combination.values(times), positions @ matrix.T + offset, atol=1e-12)
+
+
+def test_samples_are_combined_with_a_reference_at_rest():
+    """A constant has no start and no end, so the samples of the sum are those of the reference that moves."""
+    resting_at = 0.7
+    moving = hermite([0.5, 1.0, 2.0], [[0.0], [1.0], [0.5]], [[0.0], [0.3], [0.0]])
+    matrix = np.array([[1.0, 2.0], [0.0, -1.0]])
+    offset = np.array([0.1, 0.0])
+
+    combination = combine_references([hold([resting_at]), moving], matrix, offset)
+
+    times = np.linspace(0, 3, 61)
+    stacked = np.hstack([np.full((61, 1), resting_at), reference_values(moving, times)])
+    expected = stacked @ matrix.T + offset
+    np.testing.assert_allclose(reference_values(combination, times), expected, atol=1e-9)
 
 
 def test_sines_of_two_frequencies_are_not_combined():

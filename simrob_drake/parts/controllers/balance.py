@@ -89,7 +89,7 @@ class Stepping:
     reach: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the reach for the deviation of the robot from its stance, 0 to 1."""
+        """Part of the reach for the robot's deviation from its stance: error / ``full``, from ``least`` to 1."""
         section = self.section
         error = state.error(section.measures, section.lead)
         return min(max(error / section.full, section.least), 1.0)
@@ -99,12 +99,12 @@ class Stepping:
 
         Args:
             time: part of the step's duration that has passed, 0 to 1.
-            part: part of the reach.
+            part: part of the reach, 0 to 1.
         """
         # The foot is lifted by half a sine. It reaches ahead by the cubic s^2 (3 - 2 s), which begins and ends at rest.
         reach_time = min(time / _REACH_TIME, 1.0)
         smooth_reach = part * reach_time * reach_time * (3 - 2 * reach_time)
-        # Axes that do not lift the foot are those of the standing leg.
+        # Axes without a lift are taken to be those of the standing leg. They only move a share of their reach for now.
         share = np.where(self.lift, 1.0, self.section.stance)
         return math.sin(math.pi * time) * self.lift + smooth_reach * share * self.reach
 
@@ -141,11 +141,11 @@ class StepChooser:
 
         Args:
             state: state before the sample, shape (3,), see `StepState`.
-            offset: offsets of the axes before the sample, shape (n,) [rad].
+            offset: offsets of the axes by the step alone before the sample, shape (n,) [rad].
             balance: deviation of the robot from its stance.
 
         Returns:
-            The new state (3,) and the new offsets (n,) [rad].
+            The new state (3,) and the new offsets (n,) [rad]. Both are the old ones if no step has begun or begins.
         """
         before = StepState(*state.tolist())
         number = int(before.step) or self._choose(balance)
@@ -171,13 +171,13 @@ class StepChooser:
         return np.array(new_state), new_offset
 
     def _choose(self, balance: BalanceState) -> int:
-        """Find the first step whose error is large enough.
+        """Find the first step, in the order of the section, whose error exceeds its threshold ``beyond``.
 
         Args:
             balance: deviation of the robot from its stance.
 
         Returns:
-            The number of the step, from 1. It is 0 if no error is large enough.
+            The number of the step, from 1. It is 0 if no error does.
         """
         for number, step in enumerate(self._steps, 1):
             if balance.error(step.section.measures, step.section.lead) > step.section.beyond:
@@ -205,7 +205,11 @@ class Strategy(Strict):
 
     @model_validator(mode="after")
     def _check_offsets(self) -> "Strategy":
-        """Check that the offsets grow with the error, and that an axis moves."""
+        """Check that ``full`` is larger than ``beyond``, and that an axis moves.
+
+        Raises:
+            ValueError: it is not, or all offsets are 0.
+        """
         if self.full <= self.beyond:
             raise ValueError(
                 message(
@@ -245,7 +249,11 @@ class Balance(LoopSection):
 
     @model_validator(mode="after")
     def _check_actions(self) -> "Balance":
-        """Check that the section has a strategy or a step."""
+        """Check that the section has a strategy or a step.
+
+        Raises:
+            ValueError: it has neither.
+        """
         if not self.strategies and not self.steps:
             raise ValueError(
                 message(
@@ -256,7 +264,11 @@ class Balance(LoopSection):
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Names of the axes that strategies and steps move."""
+        """Names of the axes that strategies and steps move, each once. The section may write aliases of these names.
+
+        Raises:
+            SimrobError: the section names an axis that the robot does not have.
+        """
         moves_by_key = {
             "moves_deg": [strategy.moves_deg for strategy in self.strategies.values()],
             "lift_deg": [step.lift_deg for step in self.steps.values()],
@@ -278,7 +290,8 @@ class Balance(LoopSection):
             station: what the station is made of.
 
         Raises:
-            SimrobError: they do not, or a check of the base class fails.
+            SimrobError: they do not; or by the checks of the base class an axis does not exist, the station has no
+                servos, or the rate is too high.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
@@ -310,6 +323,9 @@ class Balance(LoopSection):
             robot: robot that the loop drives.
             site: the station under construction.
             key: key of the section, ``controllers.<name>``.
+
+        Raises:
+            UnknownName: the station has no such output.
         """
         # Output of the station with the values, and its entries: a pose is (position, quaternion), a velocity is
         # (linear, angular).
@@ -324,19 +340,23 @@ class Balance(LoopSection):
         rule = site.outputs.of_state.get(f"{robot.prefix}{output}")
         if rule is None:
             return super().source(builder, name, robot, site, key)
-        # The rule is a matrix, whose rows pick or combine entries of the state.
+        # The rule is a matrix, whose rows pick or combine entries of the state. The block that multiplies by it is no
+        # step of the loop that a user should see, so the block picture leaves it out.
         block_name = f"{key}.{name}"
         site.picture.draw_nothing(block_name)
         rows = rule.matrix(site.state.size())[entries]
         return add_matrix_gain(builder, block_name, rows, site.state)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site; the key of the section is for errors."""
+        """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
         assert robot.feet is not None  # check() has checked it
         feet = list(robot.feet.links)
 
         def offsets(name: str, degrees: dict[str, float]) -> Vector:
-            """Convert offsets in the user's units, by axis, to offsets of all axes [rad]."""
+            """Convert offsets by axis [deg, or m if prismatic] to offsets of all axes, shape (n,) [rad or m].
+
+            Axes that are not named have the offset 0. The name is that of the key in the section, for errors.
+            """
             return robot.model.user_units * robot.model.axis_vector(dict(degrees), f"{key}.{name}")
 
         answers = []
@@ -377,7 +397,10 @@ class Answer:
     moves: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the largest offsets for the deviation of the robot from its stance, -1 to 1."""
+        """Part of the largest offsets for the robot's deviation from its stance, -1 to 1.
+
+        It is never negative for a direction that is one side alone, such as "left".
+        """
         # sign(e) clip((|e| - b) / (e_1 - b), 0, 1)
         section = self.section
         error = state.error(section.measures, section.lead)
@@ -389,12 +412,12 @@ class Answer:
         """Move a part towards a desired one, no faster than the section's times.
 
         Args:
-            before: the part before.
-            desired: the desired part.
+            before: part at the last sample, -1 to 1.
+            desired: part that the error asks for now, -1 to 1.
             period: time between the two [s].
 
         Returns:
-            The new part.
+            The part at this sample.
         """
         # An offset that grows answers a push; one that shrinks only returns, and has a time of its own.
         duration = self.section.rise if abs(desired) > abs(before) else self.section.release
@@ -430,7 +453,7 @@ class StandingBalance(SampledBlock):
             answers: strategies, whose offsets are added up.
             steps: steps that the robot may take.
             size: count n of axes.
-            gyroscope: whether the angular velocity is in the axes of the root link.
+            gyroscope: whether the angular velocity is in the axes of the root link; otherwise in those of the world.
         """
         self.units = {"offset": "rad", "com": "m", "capture_point": "m"}
         self.components = dict.fromkeys(("com", "capture_point"), ("ahead", "left"))
@@ -456,15 +479,20 @@ class StandingBalance(SampledBlock):
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the offsets at this sample."""
-        # Pose and angular velocity of the root link, in the world's axes.
+        """Compute the offsets at this sample. Returns the new values of the memory.
+
+        Args:
+            memory: memory before the sample: outputs, parts of the strategies, and state of the steps.
+            read: inputs of the block.
+        """
+        # Rotation and angular velocity of the root link, in the world's axes.
         rotation = rotation_of(read["orientation"])
         spin = read["angular_velocity"]
         if self._gyroscope:
             spin = rotation @ spin
         balance = self._support.observe(read["position"], read["velocity"], rotation, spin)
 
-        # After a step the strategies rest: the rocking on the new feet is no push.
+        # Once a step has begun, the strategies return to no offset for good: the rocking on the new feet is no push.
         has_stepped = memory["step"][0] > 0
         parts = list[float]()
         for answer, last_part in zip(self._answers, memory["parts"].tolist(), strict=True):

@@ -87,7 +87,8 @@ class ForceControl(LoopSection):
             station: what the station is made of.
 
         Raises:
-            SimrobError: there is no sensor, or no tool, or a check of the base class fails.
+            SimrobError: there is no sensor, or no tool; or by the checks of the base class the robot does not exist,
+                the station has no servos, or the rate is too high.
         """
         super().check(key, station)
         check_force_is_read(self, key)
@@ -104,7 +105,8 @@ class ForceControl(LoopSection):
             )
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site; the key of the section is for errors."""
+        """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
+        # Force and direction have the axes of the frame that the sensor's section names, if it names one.
         sensor = site.station.sensors.get(self.reads["force"])
         # An output that is no sensor, such as that of a block of the user's own, has the axes of the world.
         sensor_frame = frame_of(site.plant, getattr(sensor, "frame", WORLD))
@@ -186,7 +188,15 @@ class PressingTool(SampledBlock):
         self._direction = np.array(section.direction)
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the tool's distance from its reference, and the joint offsets for it."""
+        """Compute the tool's distance from its reference, and the joint offsets for it.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+        """
         # The sensor measures the force on the tool, which is opposite to the force that the tool exerts.
         pressing = float(-self._direction @ read["force"])
         tool_path = self.next_path(memory["path"][0], memory["drift"][0], pressing)
@@ -204,7 +214,7 @@ class PressingTool(SampledBlock):
         Args:
             path: x before the sample [m].
             drift: z before the sample [m/s].
-            pressing: force that the tool exerts along the direction [N].
+            pressing: force that the tool exerts along the direction [N]. The tool touches if it is positive.
         """
         section = self._section
         error = section.force - pressing
@@ -225,11 +235,11 @@ class PressingTool(SampledBlock):
 
         Args:
             offset: offsets before the sample, shape (n,) [rad].
-            reference: reference of the joints, shape (n,) [rad].
-            path: distance x along the direction [m].
+            reference: reference of the axes without the offsets, shape (n,) [rad].
+            path: distance x of the tool from its pose at the reference, along the direction [m].
 
         Returns:
-            The new offsets, shape (n,) [rad].
+            The new offsets, shape (n,) [rad]. They are one step nearer to those that reach the distance exactly.
         """
         plant = self._plant
         context = self._scratch
@@ -356,7 +366,8 @@ class MotorProtection(LoopSection):
             nominal: torque that its motor may give forever [N·m or N]; infinite if it is not watched.
 
         Raises:
-            InvalidParameter: they do not fit.
+            InvalidParameter: a limit is not positive, ``limit`` is not less than the limit of the servo, ``nominal`` is
+                larger than ``limit``, or the servo has kp = 0.
         """
         name = robot.axes[axis]
         unit = robot.model.units[axis].effort
@@ -365,6 +376,7 @@ class MotorProtection(LoopSection):
         nominal_key = message(
             "parts.nominal_of_axis", "{key}.nominal of {name}", key=key, name=name
         )
+        # The smaller of the two is the one that the motor meets first; infinite if neither is given.
         watched = min(limit, nominal)
         if not watched > 0:
             raise InvalidParameter(
@@ -418,6 +430,9 @@ class MotorProtection(LoopSection):
 
         Returns:
             The limits, then the nominal torques.
+
+        Raises:
+            SimrobError: the section names an axis that the robot does not have, or lists a wrong count of values.
         """
         limit = {} if self.limit is None else self.limit
         nominal = {} if self.nominal is None else self.nominal
@@ -427,7 +442,7 @@ class MotorProtection(LoopSection):
         return np.where(passive, math.inf, limits), np.where(passive, math.inf, nominals)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site; the key of the section is for errors."""
+        """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
         limit, nominal = self._limits(key, robot)
         # Servos without an integral part sag by torque / kp. An integral part removes the sag.
         is_sagging = (robot.gains.ki == 0) & (robot.gains.kp > 0)
@@ -460,7 +475,7 @@ class _ArmWeight:
         Args:
             plant: the finalized plant.
             axes: the robot's axes in the plant.
-            compliance: sag of each axis for a torque, shape (n,) [rad/(N·m)].
+            compliance: sag of each axis for a torque, shape (n,) [rad/(N·m)]; 0 for an axis whose servo does not sag.
         """
         self._plant = weakref.proxy(plant)
         self._axes = axes
@@ -513,12 +528,12 @@ class GuardedMotors(SampledBlock):
 
         Args:
             section: section of the loop.
-            limit: torque limit L of each axis, shape (n,) [N·m].
-            nominal: torque that each motor may give forever, shape (n,) [N·m].
+            limit: torque limit L of each axis, shape (n,) [N·m]; infinite for an axis without one.
+            nominal: torque that each motor may give forever, shape (n,) [N·m]; infinite if its heat is not watched.
             stiffness: gain kp of the servos, shape (n,) [N·m/rad].
-            return_speed: speed at which each axis returns, shape (n,) [rad/s].
-            names: names of the axes.
-            units: units of the torques, for messages.
+            return_speed: speed at which each axis returns after it has given way, shape (n,) [rad/s].
+            names: names of the n axes, for messages.
+            units: units of their torques, for messages.
             arm_weight: compensation of the arm's weight when the robot stops. If it is None, the axes may sag then.
         """
         size = len(limit)
@@ -535,15 +550,15 @@ class GuardedMotors(SampledBlock):
         self._units = units
         self._arm_weight = arm_weight
 
-        zero = np.zeros(size)
-        none = np.zeros(1)
-        outputs = {"offset": zero, "target": zero, "active": none, "heat": zero, "stage": none}
+        zeros = np.zeros(size)
+        zero = np.zeros(1)
+        outputs = {"offset": zeros, "target": zeros, "active": zero, "heat": zeros, "stage": zero}
         timers = {
-            "above": zero,  # time for which each torque is above its limit [s]
-            "pressed": none,  # time for which the force is above its limit [s]
+            "above": zeros,  # time for which each torque is above its limit [s]
+            "pressed": zero,  # time for which the force is above its limit [s]
             # Before the stop: time for which an axis is held at its limit. After the stop: time for which nothing is
             # overloaded [s].
-            "lasts": none,
+            "lasts": zero,
         }
         reads = {"torque": size, "position": size, ASKED: size}
         if self._force_limit is not None:
@@ -553,12 +568,24 @@ class GuardedMotors(SampledBlock):
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the heat of the motors at this sample, and give way or stop if needed."""
+        """Compute the heat of the motors at this sample, and give way or stop if needed.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+
+        Raises:
+            RunEnds: the robot has to stop, and the section ends the run then.
+        """
         section = self._section
         torque = read["torque"]
         # Heat and timers are kept in every stage: also a robot that has stopped cools down.
         last_heat = memory["heat"]
-        # One period of T_th d(theta)/dt = (tau / tau_n)^2 - theta, exact for a constant torque.
+        # One period of T_th d(theta)/dt = (tau / tau_n)^2 - theta, exact for a constant torque. With tau_n infinite the
+        # heat stays 0.
         heat = last_heat + self._heat_share * ((torque / self._nominal) ** 2 - last_heat)
         # The product is the time so far, or 0 for an axis whose torque is within its limit.
         above = (memory["above"] + self.period) * (abs(torque) > self._limit)
@@ -596,11 +623,18 @@ class GuardedMotors(SampledBlock):
         Args:
             memory: memory before the sample.
             read: inputs of the sample.
-            heat: heat of the motors at this sample, shape (n,).
+            heat: heat of the motors at this sample, shape (n,); 1 is too warm.
+
+        Returns:
+            The new values of the memory, without heat and timers of the single axes.
+
+        Raises:
+            RunEnds: an axis is at its limit for too long, and the section ends the run then.
         """
         torque = read["torque"]
         offset = memory["offset"]
-        allowed = np.where(heat >= 1, self._nominal, self._limit)  # L, shape (n,) [N·m]
+        # L, shape (n,) [N·m]. A motor that is too warm only gives its nominal torque, at which it cannot get warmer.
+        allowed = np.where(heat >= 1, self._nominal, self._limit)
         # x <- x + clip(-x, (-L - tau) / kp, (L - tau) / kp): the offset returns to 0, no faster than `return_deg`,
         # within the range in which the torques stay allowed.
         desired_step = np.clip(-offset, -self._largest_return, self._largest_return)
@@ -639,9 +673,11 @@ class GuardedMotors(SampledBlock):
     def _stop(self, position: Vector, reason: str) -> Changes:
         """Stop the robot: hold its posture from now on, or end the run, whichever the section says.
 
+        Returns the new values of the memory if the posture is held.
+
         Args:
             position: measured positions of the axes, shape (n,) [rad].
-            reason: reason for the end of the run.
+            reason: reason for the end of the run. It is not used if the posture is held.
 
         Raises:
             RunEnds: the section ends the run.
@@ -656,7 +692,16 @@ class GuardedMotors(SampledBlock):
         return {"target": target, "active": 1.0, "stage": _STOPPED, "lasts": 0.0}
 
     def _stay_stopped(self, memory: Named, read: Named, *, is_well: bool) -> Changes:
-        """Hold the position, until nothing is overloaded for long enough. Then the axes return as after giving way."""
+        """Hold the position, until nothing is overloaded for long enough. Then the axes return as after giving way.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+            is_well: whether nothing is overloaded at this sample, and no motor is so warm that the loop would warn.
+
+        Returns:
+            The new values of the memory. Without ``reset_after`` in the section, the robot stays stopped.
+        """
         lasts = memory["lasts"][0] + self.period if is_well else 0.0
         if self._section.reset_after is None or lasts < self._section.reset_after:
             return {"lasts": lasts}

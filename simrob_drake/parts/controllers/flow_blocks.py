@@ -29,7 +29,11 @@ _ZERO = Expression(0.0)
 
 
 def choose(condition: Any, yes: Any, no: Any) -> Any:
-    """Choose one of two values by a condition: a truth value, or a formula of Drake, which gives an expression."""
+    """Choose the value ``yes`` if a condition holds, else ``no``.
+
+    The condition is a truth value, or a formula of Drake. A formula has no truth value yet, so the result is then an
+    expression that contains both values.
+    """
     if isinstance(condition, Formula):
         return if_then_else(condition, _ZERO + yes, _ZERO + no)
     return yes if condition else no
@@ -51,12 +55,12 @@ def _has_expression(*values: Any) -> bool:
 
 
 def _find_function(name: str) -> Callable[..., Any]:
-    """Find a function of the common ones, for numbers and expressions alike."""
+    """Make one function, for numbers and expressions alike, of those that `math` and Drake call by this name."""
     of_numbers = getattr(math, name)
     of_expressions = getattr(drake, name)
 
     def function(*values: Any) -> Any:
-        """Compute the function."""
+        """Compute the function of numbers, or of arguments of which at least one is an expression."""
         if _has_expression(*values):
             return of_expressions(*[_ZERO + value for value in values])
         return of_numbers(*values)
@@ -137,7 +141,7 @@ class FlowBlock(Strict, NetBlock):
             key: key of the block, for errors.
 
         Raises:
-            InvalidParameter: there are too few or too many.
+            InvalidParameter: there are fewer or more inputs than `takes` allows.
         """
         fewest, most = self.takes
         if not fewest <= len(self.inputs) <= most:
@@ -169,7 +173,11 @@ class Bounded(Strict):
 
     @model_validator(mode="after")
     def _check_order(self) -> "Bounded":
-        """Check that the lower bound is not above the upper one."""
+        """Check that the lower bound is not above the upper one, if both are given.
+
+        Raises:
+            ValueError: it is above.
+        """
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
             raise ValueError(
                 message(
@@ -220,6 +228,7 @@ class Product(FlowBlock):
     """Indices of the inputs that divide, from 0."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
+        """Compute the product of the inputs; those with an index in ``divides`` are inverted before."""
         # x^-1 instead of a division, which Python refuses for 0.
         factors = [
             power(value, -1) if index in self.divides else value for index, value in enumerate(u)
@@ -259,7 +268,11 @@ class Lookup(FlowBlock):
 
     @model_validator(mode="after")
     def _check_points(self) -> "Lookup":
-        """Check that the points rise and that each has a value."""
+        """Check that the points rise and that each has a value.
+
+        Raises:
+            ValueError: they do not rise, or the counts of points and values differ.
+        """
         # Two points at the same u would divide by zero.
         if len(self.values) != len(self.points) or any(np.diff(self.points) <= 0):
             raise ValueError(
@@ -276,6 +289,7 @@ class Lookup(FlowBlock):
         return 2 * len(self.points)
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
+        """Interpolate at the input; beyond the points, extrapolate, or keep the last value with ``clip``."""
         within = u[0]
         if self.clip:
             # The interpolation has the first and the last value at these ends.
@@ -285,7 +299,8 @@ class Lookup(FlowBlock):
     def _interpolate(self, first: int, last: int, u: Any) -> Any:
         """Compute y at u by bisection, among the points with the indices ``first`` to ``last``.
 
-        An expression thus needs as many nested conditions as the logarithm of the count of points.
+        The function calls itself for both halves, as u may be an expression, which cannot be compared yet. Each
+        evaluation of the resulting expression then passes as many conditions as the logarithm of the count of points.
         """
         if last - first == 1:
             return self._line_to(last, u)
@@ -333,6 +348,7 @@ class Logic(FlowBlock):
     """Logic operator that joins all inputs; ``not`` and ``nor`` are the same."""
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
+        """Join the truth values of all inputs by the operator; the result is 1 or 0."""
         # With truth values b of 0 and 1, as expressions have no logic operators for numbers:
         # and = Π b, or = 1 - Π (1 - b). Each true input changes the sign of Π (1 - 2 b), which is -1 for an odd number.
         truths = [choose(value != 0, 1.0, 0.0) for value in u]
@@ -385,7 +401,7 @@ class MathFunction(FlowBlock):
         Raises:
             InvalidParameter: the function takes another count.
         """
-        # All other functions have one argument.
+        # These four functions have two arguments, all others have one.
         needed = 2 if self.function in ("atan2", "min", "max", "pow") else 1
         count = len(self.inputs)
         if count != needed:

@@ -77,7 +77,11 @@ class StateSpace(FlowBlock):
 
     @model_validator(mode="after")
     def _check_sizes(self) -> "StateSpace":
-        """Check that the matrices and the initial state have sizes that fit."""
+        """Check that the matrices and the initial state have sizes that fit. A has as many rows as there are states.
+
+        Raises:
+            ValueError: a matrix or the initial state has another size.
+        """
         states = len(self.A)
         inputs = len(self.inputs)
         outputs = len(self.C)
@@ -138,7 +142,7 @@ class StateSpace(FlowBlock):
 
 
 def _add_products(first: Sequence[Row], x: Values, second: Sequence[Row], u: Values) -> Values:
-    """Compute the sum of two products, first x + second u, of matrices given by their rows and vectors."""
+    """Compute first x + second u, for two matrices that are given by their rows."""
     # One sum of products for each row: [first second] (x, u)
     vector = [*x, *u]
     rows = [(*left, *right) for left, right in zip(first, second, strict=True)]
@@ -156,7 +160,11 @@ class TransferFunction(FlowBlock):
 
     @model_validator(mode="after")
     def _check_powers(self) -> "TransferFunction":
-        """Check that the denominator has its highest power, and the numerator no higher one."""
+        """Check that the denominator has its highest power, and the numerator no higher one.
+
+        Raises:
+            ValueError: the denominator begins with 0, or the numerator has a higher power.
+        """
         # All coefficients are divided by the first one.
         if not self.denominator[0]:
             raise ValueError(
@@ -248,7 +256,10 @@ class RateLimiter(FlowBlock):
         return (self._limit(difference / self.lag, duration=1.0),)
 
     def _limit(self, change: Any, duration: float) -> Any:
-        """Limit a change to what the slopes allow in a duration [s]. For a duration of 1, the change is a slope."""
+        """Limit a change of the output to what the largest slopes allow in a duration [s].
+
+        For a duration of 1, the change is a slope [1/s].
+        """
         not_too_low = maximum(change, -self.falling * duration)
         return minimum(not_too_low, self.rising * duration)
 
@@ -378,7 +389,8 @@ class Pid(Bounded, FlowBlock):
         return (self.clip(self._unbounded_output(x, u)),)
 
     def state_update(self, x: Values, u: Values) -> Values:
-        """Compute the derivatives of the states, or if sampled their next values."""
+        """Compute the derivatives of the states, or if sampled their next values, in the order of ``start``."""
+        # x[0] is the integral part if there is a gain i; x[-1] is the filter's state if there is a gain d.
         new_values: list[Any] = []
         if self.i:
             rate = self._integral_rate(x, u)
@@ -389,6 +401,7 @@ class Pid(Bounded, FlowBlock):
 
     def _filter_update(self, x: Values, u: Values) -> Any:
         """Compute the derivative of the filter's state, or if sampled its next value."""
+        # Without a filter, which only a sampled block can be, the state is d e of the sample before.
         if self.filter is None:
             return self.d * u[-1]
         rate = self._derivative_part(x, u)
@@ -398,7 +411,7 @@ class Pid(Bounded, FlowBlock):
         """Compute the output without bounds."""
         output = self.p * u[0]
         if self.i:
-            # Without a period, the last term is 0.
+            # The last term, w T i e, is what the present sample adds at once. Without a period it is 0.
             output = (
                 output
                 + x[0]
@@ -413,7 +426,7 @@ class Pid(Bounded, FlowBlock):
         return u[len(u) // 2]
 
     def _derivative_part(self, x: Values, u: Values) -> Any:
-        """Compute the part of the output that is the derivative of its error, the last input."""
+        """Compute the part of the output that is d times the filtered derivative of its error, the last input."""
         difference = self.d * u[-1] - x[-1]
         if self.filter is None:
             return difference / self.period
@@ -421,7 +434,10 @@ class Pid(Bounded, FlowBlock):
         return self.filter * difference / (1 + self.filter * self.filtering_weight * self.period)
 
     def _integral_rate(self, x: Values, u: Values) -> Any:
-        """Compute the derivative of the integral part, which the anti-windup changes while y is beyond a bound."""
+        """Compute the derivative of the integral part x_i [unit of y per second].
+
+        It is i e. The method ``anti_windup`` changes it while the output without bounds is beyond a bound.
+        """
         rate = self.i * self._integral_error(u)
         if self.anti_windup == "none":
             return rate
@@ -446,5 +462,6 @@ class Pid(Bounded, FlowBlock):
         bounds = [bound for bound in (self.lower, self.upper) if bound is not None]
         if not bounds:
             return 1.0
+        # The first of these that is not 0: the range (0 for one bound, or for equal ones), the bound, 1.
         size = (bounds[-1] - bounds[0]) or abs(bounds[0]) or 1.0
         return 1e-3 * size

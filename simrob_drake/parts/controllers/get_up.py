@@ -81,15 +81,16 @@ class GetUp(LoopSection):
             station: what the station is made of.
 
         Raises:
-            SimrobError: the robot does not stand on feet of its own, its postures are missing or name axes that it
-                does not have, or a check of the base class fails.
+            SimrobError: the robot does not stand on feet of its own, or its postures are missing or name axes that it
+                does not have; or by the checks of the base class the robot does not exist, the station has no servos,
+                or the rate is too high.
         """
         super().check(key, station)
         model = self.on_feet(key, station).model
         _load_sequences(model)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site; the key of the section is for errors."""
+        """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
         model = robot.model
         return Rising(
             self,
@@ -206,6 +207,13 @@ class Rising(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the next target, or change to the next stage.
 
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+
         Raises:
             RunEnds: all attempts have failed; or the robot stands, and the run is to end then.
         """
@@ -231,7 +239,7 @@ class Rising(SampledBlock):
         return self._stand(memory, elapsed, self._time_well(memory, is_well=stands))
 
     def _lean_of(self, pose: Vector) -> _Lean:
-        """Compute the lean of the trunk from the pose (7,) of the root."""
+        """Compute the lean of the trunk from the pose (7,) of the root: x y z [m], then the quaternion qw qx qy qz."""
         # The world's vertical in the axes of the root: it moves backward there as the trunk leans ahead.
         x, y, up = vertical(*pose[3:].tolist())
         ahead = -(x * self._ahead_x + y * self._ahead_y)
@@ -240,14 +248,14 @@ class Rising(SampledBlock):
         return _Lean(ahead=math.atan2(ahead, up), total=math.acos(up_within_range))
 
     def _time_well(self, memory: Named, *, is_well: bool) -> float:
-        """Time [s] for which the robot has been at rest, or standing, at this sample."""
+        """Time [s] for which the robot has been at rest, or standing, up to this sample; 0 if ``is_well`` is False."""
         return float(memory["well"][0]) + self.period if is_well else 0.0
 
     def _watch(self, asked: Vector, *, has_fallen: bool) -> Changes:
-        """Wait for a fall; then hold the reference ``asked`` (n,) [rad] of that moment.
+        """Wait for a fall; then hold the reference ``asked`` (n,) [rad] of that moment. Nothing changes until then.
 
         Raises:
-            RunEnds: the robot stands, and the run is to end then.
+            RunEnds: the robot has not fallen, and the section ends the run once the robot stands.
         """
         # The attempts count from the fall: a robot that falls once more has all of them again.
         if has_fallen:
@@ -270,7 +278,7 @@ class Rising(SampledBlock):
             memory: memory before the sample.
             elapsed: time since the stage began [s].
             time_well: time for which the robot has been at rest [s].
-            ahead: lean of the trunk ahead [rad]: positive if it lies on its front.
+            ahead: lean of the trunk ahead [rad]: positive if it lies on its front, negative on its back.
         """
         # A robot that rolls to and fro for too long begins all the same.
         if time_well < _REST_TIME and elapsed < _PATIENCE:
@@ -286,7 +294,7 @@ class Rising(SampledBlock):
         Args:
             memory: memory before the sample.
             elapsed: time since the stage began [s].
-            goal: the posture.
+            goal: the posture, with its duration and the range of leans that are right at its end.
             ahead_deg: lean of the trunk ahead [deg].
 
         Raises:
@@ -360,7 +368,7 @@ class Rising(SampledBlock):
 
 
 def _begin(stage: float, origin: Vector) -> dict[str, Vector | float]:
-    """Changes of the memory at the start of a stage, where the target is at rest.
+    """Make the changes of the memory at the start of a stage, where the target is at rest.
 
     Args:
         stage: the stage.

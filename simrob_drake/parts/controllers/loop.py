@@ -123,7 +123,8 @@ class LoopSection(ControllerSection):
             station: contents of the station.
 
         Raises:
-            SimrobError: the robot or an axis does not exist, the station is kinematic, or the rate is too high.
+            SimrobError: the robot or an axis does not exist, the station is kinematic (nothing moves by forces), or the
+                rate is higher than that of a discrete solver's steps.
         """
         robot = station.robot(self.robot, key)
         if not station.engine.moves_by_forces:
@@ -155,6 +156,9 @@ class LoopSection(ControllerSection):
 
         Raises:
             SimrobError: there is no such robot, it has no feet, or its root link is fixed.
+
+        Returns:
+            The robot, whose ``feet`` are not None.
         """
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
@@ -170,11 +174,14 @@ class LoopSection(ControllerSection):
         return robot
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Find settings of the section that have another effect than they seem to have, in words.
+        """Find settings of the section that have another effect than they seem to have.
 
         Args:
             key: key of the section in the station file, such as ``controllers.balance``.
             robot: robot of the loop.
+
+        Returns:
+            A sentence for each of them; none for most kinds.
         """
         return []
 
@@ -191,7 +198,7 @@ class LoopSection(ControllerSection):
         return self.axes(robot)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block of the loop.
+        """Create the block of the loop. Each kind overrides this method, or `wire`, which calls it.
 
         Args:
             key: key of the section in the station file, for errors.
@@ -203,7 +210,14 @@ class LoopSection(ControllerSection):
     def wire(
         self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site
     ) -> LoopPorts:
-        """Add the block of the loop to the diagram, as ``controller.<name>``, and return its ports."""
+        """Add the block of the loop to the diagram, as ``controller.<name>``, and return its ports.
+
+        Args:
+            builder: builder of the diagram.
+            name: name of the loop in the station file.
+            robot: robot of the loop.
+            site: the station under construction.
+        """
         block = self._block(f"controllers.{name}", robot, site)
         builder.AddNamedSystem(f"controller.{name}", block)
         inputs = [block.get_input_port(index) for index in range(block.num_input_ports())]
@@ -227,11 +241,17 @@ class LoopSection(ControllerSection):
             site: the station under construction.
             key: key of the section in the station file, for errors.
 
+        Returns:
+            The port: of the source that ``reads`` names for the input; without an entry, of the output that has the
+            name of the input.
+
         Raises:
             UnknownName: there is no such output.
         """
         source = self.reads.get(name, "")
+        # With several robots, the outputs of each begin with its prefix ("left."); with one robot, the prefix is empty.
         own_output = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
+        # An output that is linear in the plant's state, by a matrix, has a block that is faster than the station's own.
         if not source and own_output in site.outputs.of_state:
             return add_output_of_state(builder, site, own_output)
         # ``reads: {position: encoders}`` means the output position.encoders, and ``reads: {force: force.left}`` the
@@ -254,6 +274,10 @@ keep_former_attributes(LoopSection, named="read_names", layered="target_axes")
 
 def check_force_is_read(section: LoopSection, key: str) -> None:
     """Check that a loop that reads a force names its sensor.
+
+    Args:
+        section: section of the loop.
+        key: key of the section, for errors.
 
     Raises:
         InvalidParameter: the section does not name one.
@@ -312,6 +336,7 @@ def sensors_read(
     for name, sensor in sensors.items():
         if sensor.samples_while_stepping or name in read_parts:
             found.add(name)
+            # The names of the sensors that this sensor reads, by its inputs.
             found.update(sensor.read(sensors).values())
     return found & set(sensors)
 
@@ -326,6 +351,9 @@ def add_output_of_state(builder: DiagramBuilder, site: Site, output: str) -> Out
         builder: builder of the diagram.
         site: the station under construction.
         output: name of the output, which must be one of ``site.outputs.of_state``.
+
+    Returns:
+        The port of the new block, or of the block that an earlier call has added.
     """
     name = f"{output}.of_state"
     if builder.HasSubsystemNamed(name):
@@ -336,7 +364,7 @@ def add_output_of_state(builder: DiagramBuilder, site: Site, output: str) -> Out
 
 
 def check_loops(station: StationContents, loops: Mapping[str, LoopSection]) -> None:
-    """Check loops, and how loops that drive the same axes act together.
+    """Check each loop, and that the order or the shares of loops that drive the same axes are given.
 
     Args:
         station: contents of the station.
@@ -353,7 +381,7 @@ def check_loops(station: StationContents, loops: Mapping[str, LoopSection]) -> N
         second = loops[second_name]
         robot = station.robot(first.robot, "controllers")
         drive_same_robot = robot is station.robot(second.robot, "controllers")
-        # Weights, or different priorities, say how two loops act together on an axis.
+        # Weights of both, or different layers (priorities), determine how two loops act together on an axis.
         have_weights = first.weight is not None and second.weight is not None
         if not drive_same_robot or have_weights or first.layer != second.layer:
             continue
@@ -400,6 +428,7 @@ def add_loops(builder: DiagramBuilder, site: Site, loops: Mapping[str, LoopSecti
     for name, section in loops.items():
         _connect(builder, site, name, section, ports_of[name])
     for robot in site.plant.robots.values():
+        # Names of the loops that drive this robot.
         own = [name for name, loop in loops.items() if site.robot(loop.robot) is robot]
         # The lowest layer first. Python's sort keeps the order of the file among equal ones.
         own.sort(key=lambda name: loops[name].layer)
@@ -433,7 +462,7 @@ def _add_loop(builder: DiagramBuilder, site: Site, name: str, section: LoopSecti
 def _connect(
     builder: DiagramBuilder, site: Site, name: str, section: LoopSection, ports: LoopPorts
 ) -> None:
-    """Connect the inputs of a loop to the outputs that it reads, except the input ``asked``.
+    """Connect the inputs of a loop to the outputs that it reads, except ``asked``, which `_drive` connects.
 
     Args:
         builder: builder of the diagram.
@@ -521,7 +550,8 @@ class _LayeredReference:
         return port
 
     def limit(self) -> OutputPort:
-        """Limit the sum to the joint limits, and return the port."""
+        """Limit the sum to the joint limits, and return the port, which becomes the only term."""
+        # The block of the limits has one input: several terms are added up first.
         if len(self._terms) > 1:
             self.sum(f"{self._key}.limits.sum")
         lower, upper = self._limits
@@ -534,7 +564,7 @@ class _LayeredReference:
 
         It is made of Drake's primitives, so that no Python is called at each evaluation of the solver. With the lower
         limit l of an axis, and a W larger than the range of its limits, the sum of two parts is formed that cannot be
-        negative, of which one is always zero:
+        negative, of which one is always zero, as W exceeds anything that r - l or target - l can be within the limits:
 
             l + max(r - l - W active, 0) + max(target - l - W (1 - active), 0)
 
@@ -556,25 +586,27 @@ class _LayeredReference:
         # W, as a column.
         wide = (upper - lower + 1.0)[:, None]
         identity = np.eye(size)
-        # Matrix that picks the axes with a share from all axes.
+        # Matrix that picks the k axes with a share from all n axes, shape (k, n).
         pick = identity[axes]
-        none = np.zeros((len(axes), size))
+        no_axes = np.zeros((len(axes), size))
 
         # Columns: the terms of r, the target, then active. Rows: r and the target of the axes, then all of r.
         bus = Multiplexer([size] * (term_count + 1) + [1])
         matrix = np.block(
             [
-                [*[pick] * term_count, none, -wide],
-                [*[none] * term_count, pick, wide],
+                [*[pick] * term_count, no_axes, -wide],
+                [*[no_axes] * term_count, pick, wide],
                 [*[identity] * term_count, np.zeros((size, size + 1))],
             ]
         )
+        # The columns of all terms repeat, which adds the terms up to r.
         # Constants of the rows: -l of r, -l - W of the target, and nothing for r itself.
         constant = np.concatenate([-lower, -lower - wide[:, 0], np.zeros(size)])
         # max(..., 0) of the two parts; r itself is not limited.
         least = np.concatenate([np.zeros(2 * len(axes)), np.full(size, -np.inf)])
         most = np.full(len(least), np.inf)
-        # share (l + first part + second part) + (1 - share) r
+        # share (l + first part + second part) + (1 - share) r. The matrix `back` puts the k axes, times their shares,
+        # to their places among all n axes.
         back = pick.T * share[axes]
         blend = np.hstack([back, back, identity - np.diag(share)])
         self._replace_terms(f"{name}.bus", bus, target, active)
@@ -602,7 +634,8 @@ def _drive(
     """
     key = f"{robot.prefix}reference"
     identity = np.eye(len(robot.axes))
-    # The port of the servos, read first: a block that reads the reference from outside takes its place in the inputs.
+    # The port of the servos. It is looked up before the layers are added: a block that reads the reference from outside
+    # takes its place in the inputs.
     robot_input = site.inputs[key]
     reference = _LayeredReference(builder, site, robot)
     torques = list[OutputPort]()
@@ -627,6 +660,7 @@ def _drive(
             )
             speeds.append(speed)
         if "target" in outputs:
+            # The target replaces the reference of its own axes only, to the share of the weight.
             has_target = np.isin(robot.axes, section.target_axes(robot))
             share = np.where(has_target, weight, 0.0)
             reference.blend(prefix, outputs["target"], outputs["active"], share)
@@ -645,10 +679,9 @@ def _drive(
 
 
 def _block_label(name: str, section: LoopSection) -> str:
-    """Label of a loop in the block picture: its name, its kind, and its rate."""
+    """Label of a loop in the block picture: its name if it is not that of its kind, its kind, and its rate."""
     word = section.kind.replace("_", " ")
     kind_and_rate = compound("{kind}, {rate:g} Hz", kind=section.label or word, rate=section.rate)
-    # A loop that is named as its kind is not named twice.
     return kind_and_rate if word == name else join_texts([wrap_label(name), kind_and_rate], "\n")
 
 

@@ -88,7 +88,12 @@ class PiLaw:
     fastest: float
 
     def next(self, measured: Any, memory: PiMemory) -> PiMemory:
-        """Compute the memory after a sample of the measured quantity."""
+        """Compute the memory after a sample.
+
+        Args:
+            measured: the quantity at the sample [unit of the quantity], a number or an expression.
+            memory: memory before the sample.
+        """
         target_index = memory.target_index
         held = memory.held
         # A single target needs no terms for the change to the next one: shorter expressions are faster.
@@ -108,7 +113,7 @@ class PiLaw:
         desired_effort = self.kp * error + grown_integral
         effort = self._clip(desired_effort, memory.effort)
 
-        # Anti-windup: x grows unless the clipped part of the effort has the sign of the error.
+        # Anti-windup: x takes its new value unless the clipped part of the effort has the sign of the error.
         clipped_part = desired_effort - effort
         integral = choose(clipped_part * error <= 0, grown_integral, memory.integral)
         return PiMemory(
@@ -121,23 +126,28 @@ class PiLaw:
         )
 
     def target(self, target_index: Any) -> Any:
-        """Target of an index, which may be an expression."""
+        """Target of an index from 0, which may be an expression [unit of the quantity]."""
+        # An index that is an expression cannot index a list: the last target whose index is reached remains.
         target: Any = self.targets[0]
         for index, value in enumerate(self.targets[1:], 1):
             target = choose(target_index >= index, value, target)
         return target
 
     def _next_setpoint(self, measured: Any, memory: PiMemory, target: Any) -> Any:
-        """Move the setpoint towards the target. Its ramp starts at the quantity's value in the first sample."""
+        """Move the setpoint towards the target, by the distance of one period at most.
+
+        Without a limit of its speed it jumps. Otherwise it starts at the measured quantity of the first sample.
+        """
         if math.isinf(self.speed):
             return target
         largest_step = self.speed * self.period
+        # `has_begun` is 0 at the first sample, at which there is no setpoint yet.
         last_setpoint = choose(memory.has_begun > 0.5, memory.setpoint, measured)
         not_too_low = maximum(target, last_setpoint - largest_step)
         return minimum(not_too_low, last_setpoint + largest_step)
 
     def _clip(self, desired_effort: Any, last_effort: Any) -> Any:
-        """Limit an effort and its change since the last sample [rad]."""
+        """Limit an effort [rad], and its change since the effort at the last sample."""
         largest_step = self.fastest * self.period
         # The last effort is within the limit, so both bounds can be kept.
         not_too_low = maximum(maximum(desired_effort, last_effort - largest_step), -self.limit)
@@ -146,7 +156,8 @@ class PiLaw:
     def make_system(self) -> SymbolicVectorSystem:
         """Create the law as a system of Drake's.
 
-        Its input is the measured quantity (1), its output the effort u [rad] and the error e (2).
+        Its input is the measured quantity (1), its output (2) the effort u [rad] and the error e [unit of the
+        quantity]. Its discrete state is the memory of the law, in the order of `PiMemory`, then the error.
         """
         measured = symbolic.Variable("measured")
         error = symbolic.Variable("error")
@@ -154,7 +165,8 @@ class PiLaw:
         memory = PiMemory._make(symbolic.Expression(variable) for variable in variables)
         new_memory = self.next(symbolic.Expression(measured), memory)
         new_error = new_memory.setpoint - measured
-        # The sum makes expressions of plain numbers, which Drake does not take for dynamics.
+        # The sums below make expressions of plain numbers, which Drake does not accept as dynamics. The error is a
+        # state, too, since an output must hold between samples.
         zero = symbolic.Expression(0.0)
         return SymbolicVectorSystem(
             input=[measured],
@@ -221,7 +233,11 @@ class Objective(LoopSection):
 
     @model_validator(mode="after")
     def _check_keys(self) -> "Objective":
-        """Check that the section has a target, moves an axis, and has a tolerance for its posture if there is one."""
+        """Check that the section has a target, moves an axis, has a gain, and a tolerance if it has a posture.
+
+        Raises:
+            ValueError: one of these is missing.
+        """
         if self.target == []:
             raise ValueError(
                 message(
@@ -253,7 +269,12 @@ class Objective(LoopSection):
         return [*super().read_names, self.measures]
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Names of the axes that the loop moves: those with weights, and those of the posture."""
+        """Names of the axes that the loop moves: those with weights, then those of the posture.
+
+        Raises:
+            SimrobError: the section names an axis that the robot does not have.
+        """
+        # The section may write aliases, of which `axis_index` finds the axes.
         weighted = [robot.axes[robot.model.axis_index(axis, "weights")] for axis in self.weights]
         # The loop adds offsets to the former, and replaces the reference of the latter.
         return [*weighted, *self.target_axes(robot)]
@@ -276,6 +297,9 @@ class Objective(LoopSection):
             robot: robot that the loop drives.
             site: the station under construction.
             key: key of the section, ``controllers.<name>``.
+
+        Raises:
+            UnknownName: the station has no such output or column.
         """
         if name != "measured" or name in self.reads:
             return super().source(builder, name, robot, site, key)
@@ -287,6 +311,7 @@ class Objective(LoopSection):
             # The value is linear in the plant's state: reading the state directly spares the block of the output.
             row = rule.matrix(site.state.size())[[column.entry]]
             return add_matrix_gain(builder, block_name, row, site.state)
+        # The matrix with one row that picks one entry of the output, shape (1, size).
         output = super().source(builder, column.output, robot, site, key)
         row = np.eye(output.size())[[column.entry]]
         return add_matrix_gain(builder, block_name, row, output)
@@ -307,6 +332,7 @@ class Objective(LoopSection):
             if signal.output not in site.outputs:
                 continue
             if self.measures in signal.names:
+                # `entries` has the indices of the columns in the output, or is None if each entry is a column.
                 index = signal.names.index(self.measures)
                 entry = index if signal.entries is None else signal.entries[index]
                 return _Column(output=signal.output, entry=entry, unit=signal.units[index])
@@ -322,13 +348,21 @@ class Objective(LoopSection):
     def wire(
         self, builder: DiagramBuilder, name: str, robot: StationRobot, site: Site
     ) -> LoopPorts:
-        """Add the loop to the diagram. Without a posture it is a system of Drake's, which calls no Python.
+        """Add the loop to the diagram, and return its ports.
 
-        Drake's integrators ask every system of a diagram for derivatives, which a sampled system of expressions
-        refuses. With such an integrator the loop is a `WeightedObjective`.
+        Without a posture it is a system of Drake's, which calls no Python while it is stepped. Drake's integrators ask
+        every system of a diagram for derivatives, which a sampled system of expressions refuses. With such an
+        integrator, or with a posture, the loop is a `WeightedObjective`.
+
+        Args:
+            builder: builder of the diagram.
+            name: name of the loop in the station file.
+            robot: robot that the loop drives.
+            site: the station under construction.
         """
         engine = site.station.engine
-        # An engine that holds inputs over steps only integrates the plant, and one with discrete states nothing.
+        # Whether an integrator of Drake's steps the whole diagram. An engine that holds inputs over steps integrates
+        # the plant alone, and one with discrete states nothing.
         is_integrated = (
             engine.moves_by_forces
             and not engine.has_discrete_states
@@ -362,7 +396,7 @@ class Objective(LoopSection):
         )
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site; the key of the section is for errors."""
+        """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
         weights = self._weights(key, robot)
         law = self._law(key, robot, weights)
         error_unit = self._error_unit(key, site)
@@ -481,7 +515,15 @@ class WeightedObjective(SampledBlock):
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the offsets of the axes, and the next positions on the way to the posture."""
+        """Compute the offsets of the axes, and with a posture the next positions on the way to it.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+        """
         measured = read["measured"].item()
         # Arithmetic with plain numbers is faster than with those of NumPy.
         last = PiMemory._make([memory[name].item() for name in PiMemory._fields])
@@ -503,7 +545,10 @@ class WeightedObjective(SampledBlock):
             posture: the posture.
             memory: memory before the sample.
             read: inputs of the sample.
-            distance: distance of the quantity from its target.
+            distance: distance of the quantity from its target, not from the setpoint [unit of the quantity].
+
+        Returns:
+            The new values of the memory. Once the axes move to the posture, the distance has no effect any more.
         """
         elapsed = memory["elapsed"][0] + self.period
         if not memory["active"][0]:

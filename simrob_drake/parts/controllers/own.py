@@ -49,7 +49,8 @@ def declare_output(
 ) -> None:
     """Declare an output of a controller, ``<controller>.<output>``, with its result columns and its plot.
 
-    An output with one value for each axis of a robot gets columns named after the axes; otherwise they are numbered.
+    An output with as many values as a robot has axes gets columns named after the axes. Otherwise they are numbered
+    from 0, or a single value has the output's name.
 
     Args:
         site: the station under construction.
@@ -57,7 +58,7 @@ def declare_output(
         port: port of the output.
         unit: unit of all values, or the unit of each value, separated by commas, such as "m/s, rad/s".
         robot: robot that the controller drives. If it is None, all robots are considered.
-        axes: axes whose values become columns. If it is None, all do.
+        axes: axes whose values become columns. If it is None, or if the values are not those of axes, all do.
         called: name of the output. If it is empty, the port's name is used.
         components: names of the values in plots, if there are any.
     """
@@ -78,7 +79,7 @@ def declare_output(
     columns = (
         (output,) if size == 1 else tuple(f"{output}.{value_names[index]}" for index in indices)
     )
-    # One unit for all values, or one for each of them.
+    # One unit for all columns, or one for each of them.
     units = tuple(unit.split(", ")) if ", " in unit else (unit,) * len(columns)
 
     heading = message("parts.the_block", "the block '{name}'", name=name)
@@ -105,14 +106,14 @@ def declare_output(
 def add_to(
     builder: DiagramBuilder, site: Site, key: str, added: Sequence[OutputPort], *, name: str
 ) -> None:
-    """Add ports to an input of a robot, whose former source keeps acting.
+    """Add the values of ports to an input of a robot. The source that drives the input keeps acting: all are added up.
 
     Args:
         builder: builder of the diagram.
-        site: the station under construction. Its input of this name is replaced by the first term of the sum.
-        key: name of the input, such as ``feedforward``.
+        site: the station under construction. Its input of this name becomes the first term of the sum.
+        key: name of the input with the robot's prefix, such as ``feedforward`` or ``left.feedforward``.
         added: the ports, of the input's size.
-        name: suffix of the names of the blocks.
+        name: suffix of the names of the two blocks that are added.
     """
     # The sum takes the robot's input, so the station needs a new port for the source that would drive this input: the
     # port of a block that passes the values on.
@@ -122,6 +123,7 @@ def add_to(
     site.inputs[key] = pass_through.get_input_port()
     total = add_sum(builder, f"{key}.{name}", pass_through.get_output_port(), *added)
     builder.Connect(total, robot_input)
+    # The block picture leaves out the systems whose names begin with the key: it draws arrows in their place.
     site.picture.draw_nothing(key)
 
 
@@ -222,7 +224,11 @@ class OwnController(ControllerSection):
 
 
 def own_blocks(controllers: Mapping[str, Any]) -> Mapping[str, LeafSystem]:
-    """Create the blocks of the controllers that run the user's own code, by name."""
+    """Create the blocks of the controllers that run the user's own code, by name.
+
+    Raises:
+        InvalidParameter: a class cannot be imported, is not a LeafSystem, or does not take its parameters.
+    """
     own = {name: section for name, section in controllers.items() if section.runs_code}
     return {name: section.block(f"controllers.{name}") for name, section in own.items()}
 
@@ -231,8 +237,8 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
     """Check the blocks that a user gives to a run, and return them by name.
 
     Args:
-        blocks: blocks by name, or a list of blocks. A block of a list has its own name or, if this is no identifier,
-            the name of its class, such as ``my_block`` for ``MyBlock``.
+        blocks: blocks by name, or a list of blocks. A block of a list has its own name (``get_name()``) or, if this is
+            no identifier, the name of its class, such as ``my_block`` for ``MyBlock``.
 
     Raises:
         InvalidParameter: a block is not a LeafSystem or is given twice, or a name is no identifier or is given twice.
@@ -316,8 +322,8 @@ def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
         for port in _vector_outputs(block):
             output = port.get_name()
             owner = owners.setdefault(output, name)
-            # ``left.reference`` drives the reference of the robot ``left``. Other outputs may have equal names, since
-            # they become signals with the names of their blocks.
+            # Without a prefix, or with that of a robot: ``left.reference`` drives the reference of the robot ``left``.
+            # Other outputs may have equal names, since they become signals with the names of their blocks.
             is_drivable = output.rpartition(".")[2] in DRIVABLE
             if owner != name and is_drivable:
                 raise Unsuitable(
@@ -359,7 +365,11 @@ def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tupl
 
     Returns:
         The inputs, each one once.
+
+    Raises:
+        InvalidParameter: two blocks drive the same input.
     """
+    # The names without the prefixes of robots: a station makes an input for all of its robots.
     names = {output.rpartition(".")[2] for output in output_owners(blocks)}
     driven = [name for name in DRIVABLE if name in names and name in LISTABLE]
     return tuple(dict.fromkeys([*inputs, *driven]))
@@ -418,7 +428,13 @@ def wire_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Le
 
 
 def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPort) -> None:
-    """Connect an output of the block ``name`` to the input of the station that has the same name.
+    """Connect an output of a block to the input of the station that has the same name as the output.
+
+    Args:
+        builder: builder of the diagram.
+        site: the station under construction, which has such an input.
+        name: name of the block, for errors.
+        port: the output.
 
     Raises:
         InvalidParameter: their sizes differ.
@@ -444,7 +460,13 @@ def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPor
 
 
 def _connect_input(builder: DiagramBuilder, site: Site, name: str, port: InputPort) -> None:
-    """Connect an input of the block ``name`` to the output or the camera of the station that it is named after.
+    """Connect an input of a block to the output or the camera of the station that the input is named after.
+
+    Args:
+        builder: builder of the diagram. The block of the station that gives the output may be added.
+        site: the station under construction.
+        name: name of the block, for errors.
+        port: the input.
 
     Raises:
         SimrobError: there is no such output or camera, or the sizes differ.
@@ -491,7 +513,7 @@ def _input_words(block: str, port: str) -> str:
 
 
 def _vector_outputs(block: LeafSystem) -> list[OutputPort]:
-    """Output ports of a block that are vectors. Only these can be recorded, or drive an input."""
+    """Find the output ports of a block that are vectors. Only these can be recorded, or drive an input."""
     ports = [block.get_output_port(index) for index in range(block.num_output_ports())]
     return [port for port in ports if port.get_data_type() == PortDataType.kVectorValued]
 
@@ -526,7 +548,10 @@ def class_from(text: str, folder: Path) -> str:
 
 
 def _module_or_file_of(block_class: Any) -> str:
-    """Find how a class can be imported again: by the name of its module if that is in a package, else by its file."""
+    """Find how a class can be imported again: by the path of its file, or by the name of its module.
+
+    A module of a package is given by its name. So is a module without a file, which cannot be imported in another way.
+    """
     module = block_class.__module__
     # A module that was loaded by a test or a notebook may have no file: then the code of the constructor names it.
     file_of_code = getattr(getattr(block_class.__init__, "__code__", None), "co_filename", "")
@@ -544,6 +569,7 @@ def _import_module(module: str) -> Any:
 
     Raises:
         FileNotFoundError: there is no such file.
+        ImportError: there is no such module. The code that is imported may raise any other error.
     """
     if not module.endswith(".py"):
         return importlib.import_module(module)

@@ -2,7 +2,8 @@
 
 The sequencer's postures are called *cells*: it goes to the next cell when the measured joints have reached the last.
 The guard moves axes to a protective posture, such as arms forward, once the robot's base falls. Both drive the
-reference of the servos by a *ramp*: a motion at constant speed from the present reference to the posture.
+reference of the servos by a *ramp*: a motion at constant speed from the present reference to the posture. Robots have n
+axes; their positions are in rad, or in m for prismatic axes.
 """
 
 import math
@@ -56,7 +57,11 @@ class Pace(Strict):
 
     @model_validator(mode="after")
     def _check_timeout(self) -> Self:
-        """Check that a timeout is given if something is to happen at the timeout."""
+        """Check that a timeout is given if the next cell is to begin at the timeout.
+
+        Raises:
+            ValueError: it is not given.
+        """
         if self.on_timeout == "go_on" and self.timeout is None:
             raise ValueError(
                 message("parts.go_on_needs_timeout", "on_timeout: go_on needs a timeout [s]")
@@ -85,7 +90,11 @@ class Sequencer(Pace, LoopSection):
 
     @model_validator(mode="after")
     def _check_durations(self) -> Self:
-        """Check that each cell's motion ends before the timeout: no cell could be reached otherwise."""
+        """Check that each cell's motion ends before the timeout: the cell could not be reached otherwise.
+
+        Raises:
+            ValueError: the motion of a cell takes as long as the timeout, or longer.
+        """
         if self.timeout is None:
             return self
         for number, cell in enumerate(self.cells):
@@ -116,17 +125,19 @@ class Sequencer(Pace, LoopSection):
         """Times at which the cells were reached, for the result of a run.
 
         Args:
-            groups: discrete state of the block at the end of the run, one vector for each group.
+            groups: discrete state of the block (a `CellSequence`) at the end of the run, one vector for each group.
 
         Returns:
-            for each cell the time since the sequencer's start [s], or None if the cell was not reached.
+            For each cell the time since the sequencer's start [s], or None if the cell was not reached.
         """
-        # The block keeps the times at the end of its last group. They are negative for cells that were not reached.
+        # The block keeps the times at the end of its last group, in the vector `REACHED`. They are negative for cells
+        # that were not reached. Rounded to 1 ns, they show no errors of adding up the periods.
         times = groups[-1][-len(self.cells) :].tolist()
         return [round(time, 9) if time >= 0 else None for time in times]
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block of the sequencer."""
+        """Create the sequencer's block for its robot in the station under construction, the site."""
+        # Factors from the units of the section to those of the block: rad per degree, or 1 for metres, shape (n,).
         units = robot.model.user_units
         return CellSequence(
             self,
@@ -150,6 +161,7 @@ def _check_target(model: RobotModel, key: str, axis: str, target: float) -> None
         SimrobError: the robot has no such axis, or the target is beyond the axis's limits.
     """
     index = model.axis_index(axis, key)
+    # A trajectory of one sample and one axis, shape (1, 1) [rad or m].
     position = np.array([[target * model.user_units[index]]])
     violation = model.limits.of_axes([index]).find_violation(position)
     if violation is not None:
@@ -224,6 +236,13 @@ class CellSequence(SampledBlock):
     def sample(self, memory: Named, read: Named) -> Changes:
         """Compute the next point of the ramp, and begin the next cell if this one is reached or has timed out.
 
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+
         Raises:
             RunEnds: the last cell is done, or a cell has timed out, and the section asks for the end of the run.
         """
@@ -247,7 +266,7 @@ class CellSequence(SampledBlock):
         progress = min(elapsed / duration, 1.0) if duration > 0 else 1.0
         targets = self._targets[number]
         origin = memory["origin"]
-        # target = o + min(t / T, 1) (g - o); axes without a target stay at the origin.
+        # target = o + min(t / T, 1) (g - o). Axes without a target stay at the origin, their goal in the cell before.
         goal = np.where(np.isnan(targets), origin, targets)
         target = origin + progress * (goal - origin)
         changes: dict[str, Vector | float] = {"target": target, "elapsed": elapsed, "clock": clock}
@@ -279,16 +298,16 @@ class CellSequence(SampledBlock):
 
         Args:
             targets: targets of the cell, shape (n,) [rad]; nan for axes without one.
-            read: inputs of the sample.
+            read: inputs of the sample: ``position`` [rad] and ``velocity`` [rad/s] are measured, shape (n,) each.
         """
         has_target = ~np.isnan(targets)
-        # The comparison with the target nan is False.
         is_far = abs(read["position"] - targets) > self._tolerance
         is_fast = abs(read["velocity"]) > self._largest_speed
+        # An axis is late if it has a target that is far, or if it is fast: & binds more tightly than |.
         return np.asarray(has_target & is_far | is_fast)
 
     def _timeout_text(self, number: int, late: npt.NDArray[np.bool_]) -> str:
-        """Reason of a run that ends at the timeout of a cell.
+        """Write the reason of a run that ends at the timeout of a cell, with the names of the late axes.
 
         Args:
             number: index of the cell.
@@ -346,7 +365,7 @@ class CapturePoint:
     def distance_from_feet(self, state: Vector) -> float:
         """Compute the distance of the capture point from the area between the feet [m]; negative in the area.
 
-        Lifted feet count, too.
+        The area is the convex hull of the contact points of all feet, seen from above. Lifted feet count, too.
 
         Args:
             state: positions and velocities of the plant, shape (nq + nv,).
@@ -370,7 +389,8 @@ class CapturePoint:
         height = max(com[2] - points[2].min(), 0.0)
         capture_point = com[:2] + velocity[:2] * np.sqrt(height / self._gravity)
         # The distance of a point from a convex area is the largest of its distances beyond the area's edge, over all
-        # directions. The edge in a direction is at the farthest point.
+        # directions. The edge in a direction is at the farthest point: `edges` has its distance from the capture point,
+        # shape (64,), which is negative if the capture point is beyond this edge.
         edges = (_DIRECTIONS @ (points[:2] - capture_point[:, np.newaxis])).max(axis=1)
         return float(-edges.min())
 
@@ -409,7 +429,11 @@ class FallGuard(LoopSection):
 
     @model_validator(mode="after")
     def _check_has_bound(self) -> "FallGuard":
-        """Check that at least one bound is given."""
+        """Check that at least one bound is given.
+
+        Raises:
+            ValueError: none is given.
+        """
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
             raise ValueError(
                 message(
@@ -420,7 +444,11 @@ class FallGuard(LoopSection):
         return self
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Names of the axes of the posture."""
+        """Names of the axes of the posture. The section may write aliases of these names.
+
+        Raises:
+            SimrobError: the section names an axis that the robot does not have.
+        """
         return [
             robot.axes[robot.model.axis_index(axis, "posture_deg")] for axis in self.posture_deg
         ]
@@ -431,14 +459,23 @@ class FallGuard(LoopSection):
         """Find the output port that an input of the guard's block reads.
 
         The input ``state``, which the block has if the section sets a bound for the capture point, reads the state of
-        the whole plant. All other inputs read outputs of the station, see the base class, where the arguments are
-        described.
+        the whole plant. All other inputs read outputs of the station, as those of every loop do.
+
+        Args:
+            builder: builder of the diagram. Blocks that compute the output may be added.
+            name: name of the input.
+            robot: robot that the guard drives.
+            site: the station under construction.
+            key: key of the section, for errors.
+
+        Raises:
+            UnknownName: the station has no such output.
         """
         # The plant's state is no output of the station, so the base class cannot find it by its name.
         return site.state if name == "state" else super().source(builder, name, robot, site, key)
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block of the guard."""
+        """Create the guard's block for its robot in the station under construction, the site. The key is for errors."""
         # From the world to the base, as it stands at the start. Directions are fixed to the base: they turn with it.
         to_base = robot.base.rotation().inverse()
         toward = None
@@ -456,7 +493,18 @@ class FallGuard(LoopSection):
         )
 
     def _step_condition(self, key: str, robot: StationRobot, site: Site) -> "StepCondition | None":
-        """Condition that the capture point is too far from the feet. None if the section sets no bound."""
+        """Make the condition that the capture point is too far from the feet.
+
+        Returns None if the section sets no bound for it.
+
+        Args:
+            key: key of the section, for errors.
+            robot: robot that the guard drives.
+            site: the station under construction.
+
+        Raises:
+            Unsuitable: the robot has no feet.
+        """
         if self.capture_point is None:
             return None
         plant = site.plant.plant
@@ -506,7 +554,7 @@ class ProtectivePosture(SampledBlock):
 
         Args:
             section: section of the guard.
-            posture: the posture of all axes, shape (n,) [rad].
+            posture: the posture of all axes, shape (n,) [rad]. Only the axes that the section names move to it.
             up: direction in the base that points up while the robot stands, shape (3,).
             toward: horizontal direction in the base towards which it must lean, shape (3,). If it is None, any
                 direction counts.
@@ -539,7 +587,7 @@ class ProtectivePosture(SampledBlock):
         )
 
     def falls(self, read: Named) -> bool:
-        """Whether a bound is exceeded, and the base leans in the direction of the guard.
+        """Whether a bound is exceeded, and the base leans to the side of the guard's direction, if it has one.
 
         Bounds are checked in the order of their cost: an input that is not needed is not evaluated.
 
@@ -564,7 +612,15 @@ class ProtectivePosture(SampledBlock):
         return self._must_step is not None and self._must_step(read["state"])
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Begin to act if the robot falls, compute the next point of the ramp while acting, and end after a reset."""
+        """Begin to act if the robot falls, compute the next point of the ramp while acting, and end at the reset.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory; none while the robot stands.
+        """
         falls = self.falls(read)
         if not memory["active"][0]:
             if not falls:
@@ -576,7 +632,7 @@ class ProtectivePosture(SampledBlock):
                 "elapsed": 0.0,
             }
 
-        # Another fall begins the time of the reset anew.
+        # While a bound is exceeded, the time until the reset begins anew.
         well = 0.0 if falls else memory["well"][0] + self.period
         if well >= self._reset_after:
             return {"active": 0.0, "well": 0.0}

@@ -101,7 +101,7 @@ class ControllerSection(Strict):
         return command
 
     def with_commands(self, commands: Sequence[TimedCommand]) -> Self:
-        """Copy the section with these commands.
+        """Copy the section with commands that a user or a program gave during a run, to save them in a station file.
 
         Its own commands before the first of them are kept, later ones are dropped.
 
@@ -114,10 +114,11 @@ class ControllerSection(Strict):
         """Times at which the controller reached its cells, for the result of a run.
 
         Args:
-            groups: discrete state of the controller's block at the end of the run, one vector for each group.
+            groups: discrete state of the controller's block at the end of the run, one vector for each group of Drake's
+                discrete state.
 
         Returns:
-            for each cell the time since the controller's start [s], or None if the cell was not reached. None in place
+            For each cell the time since the controller's start [s], or None if the cell was not reached. None in place
             of the list if the controller has no cells.
         """
         return None  # the controller has no cells unless a subclass says otherwise
@@ -130,7 +131,7 @@ class ControllerSection(Strict):
             positions: positions of its axes at the end, shape (n,) [rad or m].
 
         Returns:
-            distances, not negative, shape (n,) [rad or m]. None if the controller has no posture of its own: then the
+            Distances, not negative, shape (n,) [rad or m]. None if the controller has no posture of its own: then the
             verdict compares the axes with their reference.
         """
         return None

@@ -4,6 +4,7 @@ A *flow* is a section of ``controllers`` with blocks by name. Each input of a bl
 with factors: of another block (``Plant``, or ``Plant.1`` for an element of an output of several), of a column of the
 station's results (``q.joint_1``), or of the constant ``one`` and the ``time``. All blocks of a flow become one system
 of the diagram, the *net*. Its input is the vector of the *measured* values, which it reads from outputs of the station.
+A *stop* is a signal of a flow that ends the run once it is not 0.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -161,7 +162,15 @@ class FlowForce(Strict):
         *,
         is_torque: bool,
     ) -> None:
-        """Add the block that lets a force or a torque act on the plant; the station gathers its forces at the end."""
+        """Add the block that lets a force or a torque act on the plant; the station gathers its forces at the end.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction, to whose forces the port of the block is appended.
+            block_name: name of the block.
+            port: port of the force or torque, size 3, in the axes of the frame at which it acts [N or N·m].
+            is_torque: whether it is a torque.
+        """
         frame = frame_of(site.plant, self.at)
         block = add_external_force(
             builder,
@@ -216,7 +225,7 @@ class SignalFlow(ControllerSection):
 
     @property
     def read_names(self) -> list[str]:
-        """Names of all terms that blocks and torques read: blocks of the flow, and columns of the station's results."""
+        """Names of all terms that the flow reads, sorted: blocks, columns of the results, ``one``, ``time``."""
         # The sums of stops and forces are among the computed blocks, the sum of torques is not.
         sums = list(self.torque.values())
         for block in self._computed_blocks.values():
@@ -250,7 +259,7 @@ class SignalFlow(ControllerSection):
 
         Raises:
             SimrobError: a robot, axis, frame or block does not exist, a block is wrong or its name is taken, or the
-                station is kinematic.
+                station is kinematic (nothing moves by forces).
         """
         if not station.engine.moves_by_forces:
             raise Unsuitable(
@@ -308,8 +317,8 @@ class SignalFlow(ControllerSection):
             site: the station under construction.
             name: name of the flow.
             monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
-            integrated: whether the diagram may have continuous states, see
-                :func:`simrob_drake.blocks.signal_net.signal_net`.
+            integrated: whether the diagram may have continuous states. Drake then asks all systems for derivatives,
+                also a net without states.
 
         Returns:
             The port of the torques of the flow's robot, size n [N·m or N]. None if the flow gives no torques.
@@ -351,7 +360,7 @@ class SignalFlow(ControllerSection):
         return ports.get(_TORQUE)
 
     def _add_station_inputs(self, builder: DiagramBuilder, site: Site, name: str) -> dict[str, str]:
-        """Add an input of the station for each block of the kind ``input``, whose value is also an output.
+        """Add an input of the station for each block of the kind ``input``. Its value is an output of the flow, too.
 
         Args:
             builder: builder of the diagram.
@@ -374,7 +383,7 @@ class SignalFlow(ControllerSection):
         return station_inputs
 
     def _draw(self, site: Site, name: str, robot: StationRobot | None, net: "_FlowNet") -> None:
-        """Draw the flow in the picture of the station, with its blocks unless they are too many.
+        """Draw the flow in the picture of the station, with its blocks unless they are more than `_MOST_DRAWN_BLOCKS`.
 
         Args:
             site: the station under construction.
@@ -393,7 +402,7 @@ class SignalFlow(ControllerSection):
 
 
 def _stop_condition(flow: str, stop: str) -> Condition:
-    """Condition that holds while the signal of a stop is not 0.
+    """Make the condition that holds while the signal of a stop is not 0.
 
     Args:
         flow: name of the flow.
@@ -401,14 +410,15 @@ def _stop_condition(flow: str, stop: str) -> Condition:
     """
 
     def excess(value: Vector) -> float:
-        """Excess of the condition, which holds if it is not negative."""
+        """Excess of the condition for the signal's value (1,): 1 if the signal is on, else -1. It holds from 0 on."""
         # A signal is on or off: it is on with any value but 0, also with a negative one or not a number.
         return 1.0 if value[0] else -1.0
 
     def why(value: Vector) -> str:
-        """Reason why the run ends."""
+        """Reason why the run ends. It does not depend on the value of the signal."""
         return message("parts.stop_is_on", "the stop {stop} is active", stop=stop)
 
+    # It reads one output of the station, of size 1.
     return Condition({f"{flow}.{stop}": 1}, excess, why)
 
 
@@ -426,13 +436,14 @@ def add_flows(
         builder: builder of the diagram.
         site: the station under construction.
         flows: the flows, by name.
-        monitors: whether stops end the run in the diagram itself.
+        monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
         integrated: whether other parts of the diagram may have continuous states.
 
     Raises:
         SimrobError: a term names no signal, there is an algebraic loop, or the periods of blocks do not fit.
     """
-    # If one flow has states, Drake integrates, and asks all flows for derivatives.
+    # If one flow has states, Drake integrates, and asks all flows for derivatives. The law of a block, which is the
+    # block itself or an equivalent one, has its states; `start` is empty if there are none.
     for flow in flows.values():
         integrated |= any(block.law.start for block in flow.blocks.values())
     # Torques of the flows, by the name of the robot that they drive.
@@ -485,14 +496,15 @@ class _FlowNet:
         blocks: Mapping[str, FlowBlock],
         station_inputs: Mapping[str, str],
     ) -> None:
-        """Find the numbers that the blocks read.
+        """Prepare the net: find the numbers that the blocks read.
 
         Args:
             site: the station under construction, or None if the blocks read no signals of a station.
             key: key of the flow's section, for errors.
             prefix: prefix of the columns of the flow's robot, which terms may leave out.
             blocks: blocks that the net computes, by name.
-            station_inputs: name of the station's input for each block of the kind ``input``.
+            station_inputs: name of the station's input by the name of each block of the kind ``input``, which is not
+                among ``blocks``.
 
         Raises:
             SimrobError: a term names no signal.
@@ -511,6 +523,7 @@ class _FlowNet:
         for name, block in blocks.items():
             self._inputs[name] = [self._find_terms(name, terms) for terms in block.inputs]
             for element in self._elements_read(name):
+                # Only a net in a station reads measured values.
                 if element.is_measured and site is not None:
                     self._measured_sizes[element.owner] = site.outputs[element.owner].size()
 
@@ -526,8 +539,8 @@ class _FlowNet:
         Args:
             builder: builder of the diagram.
             system_name: name of the net's system, and prefix of the names of the systems around it.
-            integrated: whether the diagram may have continuous states, see
-                :func:`simrob_drake.blocks.signal_net.signal_net`.
+            integrated: whether the diagram may have continuous states. Drake then asks all systems for derivatives,
+                also a net without states.
 
         Returns:
             The port of each block's output, by the name of the block.
@@ -539,6 +552,7 @@ class _FlowNet:
         try:
             net = signal_net(self._wired_blocks(), measured_count, integrated=integrated)
         except CycleError as problem:
+            # The second argument lists the names of the blocks in the loop.
             names_of_loop = problem.args[1]
             raise Unsuitable(
                 f"{self._key}.blocks",
@@ -560,6 +574,7 @@ class _FlowNet:
                 message("parts.multiples_of_step", "choose multiples of a common step"),
             ) from None
 
+        # Without measured values the net has no input port.
         if self._site is not None and self._measured_sizes:
             sources = [self._site.port(builder, output) for output in self._measured_sizes]
             bus = add_multiplexer(builder, f"{system_name}.bus", *sources)
@@ -572,7 +587,10 @@ class _FlowNet:
         return {name: split.get_output_port(index) for index, name in enumerate(self.blocks)}
 
     def _wired_blocks(self) -> dict[str, WiredBlock]:
-        """Describe the blocks with their inputs, which are sums of values of the net given by their indices."""
+        """Describe the blocks and their inputs for the net, by name.
+
+        An input is a list of pairs: the index of a value of the net, and its factor.
+        """
         # Values of a net: the constant 1, the time, the measured values, then the outputs of the blocks.
         first_of_block = FIRST_MEASURED + sum(self._measured_sizes.values())
         block_sizes = {name: block.size for name, block in self.blocks.items()}
@@ -595,7 +613,7 @@ class _FlowNet:
         return wired
 
     def inner_blocks(self) -> dict[str, InnerBlock]:
-        """Describe the blocks for the picture of the station: their labels, and what each of them reads."""
+        """Describe the blocks for the picture of the station, by name: their labels, and what each of them reads."""
         found = dict[str, InnerBlock]()
         for name, block in self.blocks.items():
             # Dictionaries, since they name each owner once, in the order of the inputs.
@@ -618,7 +636,7 @@ class _FlowNet:
 
         Args:
             block: name of the block that reads the sum, for errors.
-            terms: the sum.
+            terms: the sum: a name, or factors by name.
 
         Raises:
             InvalidParameter: a term names an element that a block does not have.
@@ -656,6 +674,7 @@ class _FlowNet:
                     entry = index if signal.entries is None else signal.entries[index]
                     return _Element(signal.output, entry, is_measured=True)
 
+        # Nothing was found: the error lists all names that would be right.
         known = [*self.blocks, _ONE, _TIME]
         for signal in self._readable_signals:
             known += signal.names
@@ -677,7 +696,8 @@ class _FlowNet:
             term: the term; its block exists.
 
         Raises:
-            InvalidParameter: the index is missing or too large, or it is no index.
+            InvalidParameter: the index is missing although the output has several elements, is too large, or is no
+                index.
         """
         block, _, index_text = term.partition(".")
         size = self.blocks[block].size
@@ -705,10 +725,10 @@ def _readable_signals(site: Site) -> Iterator[Signal]:
 
 
 def _starts(sizes: Mapping[str, int], first: int) -> dict[str, int]:
-    """Index of the first value of each vector, if vectors of these sizes lie one after the other.
+    """Compute the index of the first value of each vector, by name, if vectors of these sizes follow one another.
 
     Args:
-        sizes: size of each vector, by name.
+        sizes: size of each vector, by name, in the order of the vectors.
         first: index of the first value of all.
     """
     ends = accumulate(sizes.values(), initial=first)
@@ -717,7 +737,7 @@ def _starts(sizes: Mapping[str, int], first: int) -> dict[str, int]:
 
 
 def _factors(terms: Sum) -> Mapping[str, float]:
-    """Write a sum as factors by term: a sum may be the name of a single signal."""
+    """Write a sum as factors by term: a sum may also be the name of a single signal, with the factor 1."""
     return {terms: 1.0} if isinstance(terms, str) else terms
 
 
@@ -726,30 +746,32 @@ _BLOCK: TypeAdapter[FlowBlock] = TypeAdapter(FlowBlockConfig)
 
 
 def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector) -> Vector:
-    """Compute sums of blocks that depend on time alone.
+    """Compute sums of blocks that depend on time alone, by a simulation of the blocks without a station.
 
     Args:
         blocks: sections of the blocks, by name. Blocks of the kind ``input`` give 0.
-        sums: sums of the blocks' outputs.
-        times: rising times, shape (t,) [s].
+        sums: n sums of the blocks' outputs.
+        times: rising times, shape (t,) [s], none negative. The blocks start at the time 0.
 
     Returns:
         The value of each of the n sums at each time, shape (n, t).
 
     Raises:
-        InvalidParameter: a block is wrong.
+        SimrobError: a term names no block, there is an algebraic loop, or the periods of blocks do not fit.
+        pydantic.ValidationError: a section is wrong.
     """
     zero = Sums(kind="sum", of=({},))
     net_blocks = dict[str, FlowBlock]()
     for name, section in blocks.items():
         net_blocks[name] = zero if section["kind"] == "input" else _BLOCK.validate_python(section)
+    # The block of this name has all sums as its output; no other block may have the name.
     net_blocks[_TORQUE] = Sums(kind="sum", of=tuple(sums))
 
     builder = DiagramBuilder()
     port = _FlowNet(None, "flow", "", net_blocks, {}).add(builder, "flow")[_TORQUE]
     diagram = builder.Build()
     simulator = Simulator(diagram)
-    # relative error of the states in a step [1]
+    # Relative error of the states in a step [1].
     simulator.get_mutable_integrator().set_target_accuracy(1e-6)
     context = simulator.get_mutable_context()
     # The solver goes from time to time, so each value is exact to its accuracy, and not interpolated.

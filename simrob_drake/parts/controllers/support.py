@@ -1,4 +1,8 @@
-"""Kinematics of a robot on its legs: its centre of mass relative to its feet, and the ends of its limbs."""
+"""Kinematics of a robot on its legs: its centre of mass relative to its feet, and the ends of its limbs.
+
+The *root* is the link that floats, also called the base. A *limb* is the chain of joints from the root to a frame, such
+as a leg. *At zero* means with all axes at the position 0.
+"""
 
 import math
 import weakref
@@ -68,10 +72,11 @@ class BalanceState:
     lifted: Vector
 
     def error(self, measures: Direction, lead: float | None = None) -> float:
-        """Compute the error in a direction [m].
+        """Compute the error com + lead * speed in a direction [m].
 
         Args:
-            measures: the direction.
+            measures: the direction. "sagittal" is positive ahead, "lateral" positive to the left. For a direction to
+                one side alone, the error is 0 if the robot deviates to the other side.
             lead: time by which the velocity is extrapolated [s]. If it is None, it is 1/omega, and the result is the
                 error of the capture point.
         """
@@ -127,7 +132,8 @@ class Support:
         self._scratch = plant.CreateDefaultContext()
         self._positions = plant.GetPositions(self._scratch)
         self._velocities = np.zeros(plant.num_velocities())
-        # Where the quaternion (4) and the angular velocity (3) of the base are in the plant's vectors.
+        # First index of the base's quaternion (4) among the plant's positions, and of its angular velocity (3) among
+        # the velocities.
         self._rotation_start = root.floating_positions_start()
         self._spin_start = root.floating_velocities_start_in_v()
         self._gravity = float(np.linalg.norm(plant.gravity_field().gravity_vector()))
@@ -144,7 +150,7 @@ class Support:
         self._set_state(robot.initial, at_rest, rotation, np.zeros(3))
         poses = [link.EvalPoseInWorld(self._scratch) for link in self._feet()]
         below_com = plant.CalcCenterOfMassPositionInWorld(self._scratch, [self._instance])
-        # The homes are at the height of the lowest contact point, which stands for the floor.
+        # The homes are at the height of the lowest contact point of all feet, which is taken as the floor.
         heights = [
             (pose @ points.T)[2].min() for pose, points in zip(poses, self._points, strict=True)
         ]
@@ -161,6 +167,9 @@ class Support:
             velocity: velocities of the axes, shape (n,) [rad/s or m/s].
             rotation: rotation of the root link in the world.
             spin: angular velocity of the root link in the world's axes, shape (3,) [rad/s].
+
+        Returns:
+            The deviation, ahead and to the left in the direction in which the root link looks now.
         """
         self._set_state(position, velocity, rotation, spin)
         plant = self._plant
@@ -168,15 +177,17 @@ class Support:
         feet = self._observe_feet()
         floor = min(foot.heights.min() for foot in feet)
 
-        # Means over the contact points, by their shares: the home of the feet, and the velocity of the points. The
-        # points are at rest on the floor, so that velocity is the error of the base's unknown velocity.
+        # Means over the contact points, weighted by shares that fall with their heights: the home of the feet, and the
+        # velocity of the points. The work space has a base without linear velocity. In truth the points are at rest on
+        # the floor, so their velocity in the work space is the one that the base lacks, with the opposite sign.
         total_share = 0.0
         home = np.zeros(3)
         slip = np.zeros(3)
         for foot in feet:
             shares = shares_by_height(foot.heights, floor)
             foot_share = shares.sum()
-            # The sum of w_i (v + omega x r_i) over the points i of a foot is w v + omega x sum(w_i r_i).
+            # The sum of w_i (v + omega x r_i) over the points i of a foot, with the shares w_i and their sum w, is
+            # w v + omega x sum(w_i r_i).
             arm = shares @ foot.arms
             total_share += foot_share
             home += foot_share * foot.home
@@ -187,8 +198,8 @@ class Support:
         com_velocity = plant.CalcCenterOfMassTranslationalVelocityInWorld(self._scratch, instances)
         com_velocity = com_velocity - slip / total_share
 
-        # The matrix [[x, y], [-y, x]] / |(x, y)|, with the level part (x, y) of the direction in which the robot looks.
-        # Rotation of level vectors from the world's axes to ahead and left.
+        # Rotation of level vectors from the world's axes to ahead and left: the matrix [[x, y], [-y, x]] / |(x, y)|,
+        # with the level part (x, y) of the direction in which the robot looks.
         ahead_x, ahead_y, _ = rotation @ self._ahead
         to_heading = np.array([[ahead_x, ahead_y], [-ahead_y, ahead_x]]) / math.hypot(
             ahead_x, ahead_y
@@ -201,10 +212,11 @@ class Support:
         )
 
     def _observe_feet(self) -> list[_FootState]:
-        """Compute the motion of each foot in the state that is set."""
+        """Compute the motion of each foot in the state of the work space, in which the base has no linear velocity."""
         feet = []
         for link, points, home in zip(self._feet(), self._points, self._homes, strict=True):
             pose = link.EvalPoseInWorld(self._scratch)
+            # R p for each contact point p of the foot, a row of `points` (k, 3).
             arms = points @ pose.rotation().matrix().T
             foot = _FootState(
                 heights=pose.translation()[2] + arms[:, 2],
@@ -218,7 +230,14 @@ class Support:
     def _set_state(
         self, position: Vector, velocity: Vector, rotation: RotationMatrix, spin: Vector
     ) -> None:
-        """Set the state of the work space; the arguments are those of `observe`."""
+        """Set the state of the work space. The position of the base stays, and its linear velocity is zero.
+
+        Args:
+            position: positions of the axes, shape (n,) [rad or m].
+            velocity: velocities of the axes, shape (n,) [rad/s or m/s].
+            rotation: rotation of the root link in the world.
+            spin: angular velocity of the root link in the world's axes, shape (3,) [rad/s].
+        """
         self._positions[self._rotation_start : self._rotation_start + 4] = (
             rotation.ToQuaternion().wxyz()
         )
@@ -248,9 +267,9 @@ class _PlainJoint(NamedTuple):
     """A joint of a limb in plain numbers.
 
     Attributes:
-        axis: index of its axis.
-        direction: its direction at zero in the root's frame, 3 numbers.
-        point: a point on its axis at zero, 3 numbers [m].
+        axis: index among the robot's n axes.
+        direction: unit vector about which the joint turns, at zero in the root's frame, 3 numbers.
+        point: a point on the line about which it turns, at zero in the root's frame, 3 numbers [m].
     """
 
     axis: int
@@ -262,10 +281,10 @@ class _JointMatrices(NamedTuple):
     """Matrices of a joint of a limb, for rotations about its axis.
 
     Attributes:
-        axis: index of its axis.
+        axis: index among the robot's n axes.
         cross: matrix K of the cross product with its direction, shape (3, 3).
         cross_squared: K², shape (3, 3).
-        point: a point on its axis at zero, shape (3,) [m].
+        point: a point on the line about which the joint turns, at zero in the root's frame, shape (3,) [m].
     """
 
     axis: int
@@ -274,7 +293,10 @@ class _JointMatrices(NamedTuple):
     point: Vector
 
     def rotate(self, arms: Vector, angle: float) -> Vector:
-        """Rotate arms (3,) or (3, k) about the joint's direction, by Rodrigues' formula."""
+        """Rotate vectors, shape (3,) or (3, k), about the joint's direction by an angle [rad].
+
+        Rodrigues' formula: r + sin(angle) K r + (1 - cos(angle)) K² r.
+        """
         return np.asarray(
             arms
             + sin(angle) * (self.cross @ arms)
@@ -287,9 +309,9 @@ class Limb:
     """A chain of k revolute joints, from the root outward.
 
     Attributes:
-        axes: indices of their axes among the robot's n axes.
-        turns: their directions at zero in the root's frame, shape (k, 3).
-        points: points on them at zero in the root's frame, shape (k, 3) [m].
+        axes: indices of the joints among the robot's n axes.
+        turns: unit vectors about which the joints turn, at zero in the root's frame, shape (k, 3).
+        points: a point on the line about which each joint turns, at zero in the root's frame, shape (k, 3) [m].
         end: the point at the limb's end at zero in the root's frame, shape (3,) [m].
     """
 
@@ -306,7 +328,8 @@ class Limb:
         is_consecutive = self.axes == list(range(first, last + 1))
         return slice(first, last + 1) if is_consecutive else self.axes
 
-    # `place` goes from the end inward: each joint rotates the whole part of the limb beyond it.
+    # `place` and `rates` go from the end inward: each joint rotates the whole part of the limb beyond it. So directions
+    # and points at zero suffice.
 
     @cached_property
     def _plain_joints(self) -> list[_PlainJoint]:
@@ -355,10 +378,17 @@ class Limb:
         return x, y, z
 
     def rates(self, positions: Vector) -> Vector:
-        """Compute the Jacobian of the end's position by the joints, shape (3, k) [m/rad], at positions (n,) [rad]."""
+        """Compute the Jacobian of the end's position in the root's frame, shape (3, k) [m/rad].
+
+        Its columns are the limb's joints, from the root outward.
+
+        Args:
+            positions: positions of all n axes, shape (n,) [rad].
+        """
         place = self.end
         columns = np.empty((3, 0))
-        # From the end inward, each joint adds a column, and rotates the columns of the joints beyond it.
+        # From the end inward, each joint adds a column, k x arm, in front of the others. Then it rotates all columns:
+        # its own too, since its arm was that at its angle 0.
         for joint in self._joint_matrices:
             arm = place - joint.point
             angle = positions[joint.axis]
@@ -369,7 +399,7 @@ class Limb:
 
 
 def limb_to(robot: StationRobot, end: Frame) -> Limb:
-    """Find the limb from a robot's root to a frame.
+    """Find the limb from a robot's root to a frame, whose origin is the end of the limb.
 
     Raises:
         Unsuitable: no joint moves the frame, or a joint on the way slides.
@@ -394,8 +424,10 @@ def limb_to(robot: StationRobot, end: Frame) -> Limb:
 def axes_to(robot: StationRobot, end: Frame) -> list[int]:
     """Find the indices of the axes between a robot's root and a frame, from the root outward.
 
+    Joints that are no axes of the robot, such as welds, are left out.
+
     Raises:
-        Unsuitable: no joint moves the frame, or a joint on the way slides.
+        Unsuitable: no axis moves the frame, or an axis on the way does not turn.
     """
     plant = robot.plant
     # Joint that moves a body, by the body: each body of a plant has at most one.
@@ -405,7 +437,7 @@ def axes_to(robot: StationRobot, end: Frame) -> list[int]:
         joint_of_body[joint.child_body().index()] = joint
     axis_of_joint = {joint.index(): axis for axis, joint in enumerate(robot.joints)}
 
-    # From the end inward, to the root. Joints that are no axes of the robot, such as welds, are passed over.
+    # From the end inward, to the root, or to a body that no joint moves if the frame is not part of the robot.
     axes = list[int]()
     body = end.body()
     while body.index() != robot.root.body().index() and body.index() in joint_of_body:

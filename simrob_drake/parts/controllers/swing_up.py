@@ -63,10 +63,16 @@ class SwingUpController(LoopSection):
     linear model."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check the robot.
+        """Check that the robot suits the law of the swing-up, in addition to what every loop checks.
+
+        Args:
+            key: key of the section, for errors.
+            station: contents of the station.
 
         Raises:
-            SimrobError: the robot floats, has not one passive axis, or has servos with gains; what every loop checks.
+            SimrobError: the robot floats, does not have exactly one passive axis and at least one motor, has axes that
+                follow others or servos with gains, or the posture is beyond its limits; or by the checks of every loop
+                the robot does not exist, the station has no servos, or the rate is too high.
         """
         super().check(key, station)
         robot = station.robot(self.robot, key)
@@ -116,20 +122,28 @@ class SwingUpController(LoopSection):
                 )
 
     def distances_at_end(self, robot: ResolvedRobot, positions: Vector) -> Vector:
-        """Distances of the axes (n,) [rad or m] from the posture, those of axes that turn to the nearest turn."""
+        """Distances of the axes from the posture at the end of a run, for axes that turn to the nearest whole turn.
+
+        Args:
+            robot: robot of the loop.
+            positions: positions of its axes at the end, shape (n,) [rad or m].
+
+        Returns:
+            Distances, not negative, shape (n,) [rad or m].
+        """
         # A pole that is balanced after two turns is as good as one that has not turned.
         return np.abs(nearest_error(positions - self._posture(robot), _turns(robot)))
 
     def _posture(self, robot: ResolvedRobot) -> Vector:
-        """Posture of all axes, shape (n,) [rad or m]."""
+        """Posture of all axes, shape (n,) [rad or m]. It is 0 for axes that the section does not name."""
         model = robot.model
         return model.user_units * model.axis_vector(dict(self.posture_deg), "posture_deg")
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block."""
+        """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
 
         def weight(name: str) -> Vector:
-            """Weights of all axes, shape (n,)."""
+            """Weights of all axes, shape (n,), from the key of this name; 1 for axes that a mapping leaves out."""
             return robot.model.axis_vector(getattr(self, name), f"{key}.{name}", 1.0)
 
         return SwingUp(

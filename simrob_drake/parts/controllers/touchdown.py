@@ -2,9 +2,10 @@
 
 The thesis proposes it for four legs (p. 120): when the sphere of a foot touches, its leg holds what was applied last.
 
-The *plan* is the reference of the servos without the offsets that the loop itself adds. A leg is in one of three
-*phases*. It follows the plan; or its foot has touched early, while the plan still has the foot in the air; or it
-stands, until the plan lifts the foot.
+The robot has n axes and k feet; a *leg* is the chain of joints from the root link to a foot. The *plan* is the
+reference of the servos without the offsets that the loop itself adds. A leg is in one of three *phases*. It follows the
+plan; or its foot has touched early, while the plan still has the foot in the air; or it stands, until the plan lifts
+the foot.
 """
 
 import math
@@ -69,11 +70,12 @@ class Touchdown(LoopSection):
     """Time constant with which a leg goes back to the reference when that lifts it [s]."""
 
     def axes(self, robot: ResolvedRobot) -> Sequence[str]:
-        """Names of the axes of the legs that end in the feet of `reads`.
+        """Names of the axes of the legs that end in the feet of `reads`, in the order of the robot's axes.
 
         Raises:
-            InvalidParameter: `reads` names no tool of the robot.
+            InvalidParameter: no key of `reads` is a tool of the robot.
         """
+        # The keys of `reads` are inputs of the loop: feet, or others such as `position`.
         feet = [foot for foot in self.reads if foot in robot.model.tools]
         if not feet:
             known = ", ".join(robot.model.tools) or message("parts.none_known", "none")
@@ -105,7 +107,7 @@ class Touchdown(LoopSection):
         return [name for name, axis in robot.model.axes.items() if axis.joint in joints]
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block of the loop.
+        """Create the loop's block for its robot. The key and the site (the station) have no effect here.
 
         Raises:
             Unsuitable: no joint moves a foot, or a joint of a leg slides.
@@ -165,15 +167,24 @@ class UnknownGround(SampledBlock):
         )
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the offset and the feedforward of each leg."""
-        # Copies of the vectors that are changed leg by leg.
+        """Compute the phase, the offset and the feedforward of each leg.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+        """
+        # Copies of the vectors that the loop below changes leg by leg.
         new = {
             name: memory[name].copy()
             for name in ("offset", "posture", "torques", "phase", "sought")
         }
         # The reference that the servos get contains the loop's own offset of the last sample.
         plan = read["reference"] - memory["offset"]
-        # At the first sample the plan before is not known, so this is wrong; it is not used before a leg was lifted.
+        # Velocity of the plan [rad/s]. At the first sample the plan before is not known, so the velocity is wrong; it
+        # is not used before a leg was lifted.
         velocity = (plan - memory["plan"]) / self.period
         new["offset_velocity"] = np.zeros(len(plan))
         new["feedforward"] = np.zeros(len(plan))
@@ -183,6 +194,7 @@ class UnknownGround(SampledBlock):
         heights = [limb.place(angles)[2] for limb in self._limbs.values()]
         last_heights = memory["heights"].tolist()
         last_phases = memory["phase"].tolist()
+        # Height above which the plan has a foot in the air.
         lowest_in_air = min(heights) + self._section.clearance
         for number, (foot, limb) in enumerate(self._limbs.items()):
             leg = limb.places
@@ -226,11 +238,15 @@ class UnknownGround(SampledBlock):
             read: inputs of the sample.
             is_raised: whether the plan has the foot in the air.
             is_lowering: whether the plan moves the foot down.
+
+        Returns:
+            ``_FOLLOWS``, ``_TOUCHED`` or ``_STANDS``.
         """
         if phase == _STANDS:
             return _FOLLOWS if is_raised else _STANDS
         if phase == _TOUCHED:
             return _TOUCHED if is_raised else _STANDS
+        # A leg that follows. While its foot is lifted, a force on the foot is the one of the lift-off, not a touch.
         may_touch = is_lowering or not is_raised
         if may_touch and math.hypot(*read[foot].tolist()) > self._section.force:
             return _TOUCHED if is_raised else _STANDS
@@ -239,12 +255,13 @@ class UnknownGround(SampledBlock):
     def _follow(
         self, new: dict[str, Vector], number: int, limb: Limb, plan: Vector, *, is_raised: bool
     ) -> None:
-        """Change the offset of a leg that does not touch; writes to the new memory.
+        """Change the offset of a leg that does not touch, and the distance by which its foot was moved on downward.
 
-        While the plan has the foot in the air, the leg returns to the reference. Afterwards, the foot moves on down.
+        While the plan has the foot in the air, the leg returns to the plan. Afterwards, the foot moves on downward at
+        the speed ``search``, until it has gone the distance ``reach``.
 
         Args:
-            new: the new memory.
+            new: vectors of the new memory, by name. ``offset`` and ``sought`` are changed.
             number: index of the foot.
             limb: the leg.
             plan: reference without the offset, shape (n,) [rad].
@@ -277,16 +294,17 @@ class UnknownGround(SampledBlock):
         the measured position, the servos themselves apply nothing but their damping.
 
         Args:
-            new: the new memory.
+            new: vectors of the new memory, by name, which are changed.
             leg: indices of the leg's axes.
             to_position: distance from the plan to the measured positions, shape (n,) [rad].
             velocity: velocity of the plan, shape (n,) [rad/s].
             follows: whether the leg follows the reference.
         """
-        # Torques of zero mean that the leg did not touch early. It then stands with its offset from the plan.
+        # Stored torques of zero mean that the leg did not touch early, but as planned: then it stands with its offset.
         if follows:
             new["torques"][leg] = 0.0
         elif new["torques"][leg].any():
+            # plan + offset = measured position: the servos see no error.
             new["offset"][leg] = to_position[leg]
             new["offset_velocity"][leg] = -velocity[leg]
             new["feedforward"][leg] = new["torques"][leg]

@@ -2,8 +2,8 @@
 
 The walk itself is in :mod:`simrob_drake.walking`: its *engine* computes the next posture from a *stride*, the state of
 the walk (which foot stands, where the other one lands, how the trunk moves), and from a *command*, the desired speeds
-ahead and to the left and the turn. A loop's output ``target`` replaces the reference of its robot while its output
-``active`` is 1.
+ahead and to the left [m/s] and the turn [rad/s]. The robot has n axes. A loop's output ``target`` replaces the
+reference of its robot while its output ``active`` is 1.
 """
 
 import math
@@ -106,7 +106,11 @@ class Walk(LoopSection):
 
     @model_validator(mode="after")
     def _check_times(self) -> "Walk":
-        """Check that the commands are in the order of their times."""
+        """Check that the commands are in the order of their times. Equal times are allowed.
+
+        Raises:
+            ValueError: a time is before the one in front of it.
+        """
         times = [command.time for command in self.commands]
         if times != sorted(times):
             raise ValueError(
@@ -137,7 +141,10 @@ class Walk(LoopSection):
             station: contents of the station.
 
         Raises:
-            SimrobError: something does not fit; the message says what.
+            SimrobError: the robot does not stand on feet of its own, has no parameters or wrong ones, or stands too far
+                from its path; a foot is no tool, or lacks a force sensor that the others have; a height map is asked
+                for without feedback; a section that is strict has a command beyond the legs; or by the checks of every
+                loop the robot does not exist, the station has no servos, or the rate is too high.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
@@ -166,7 +173,8 @@ class Walk(LoopSection):
             parameters: parameters of the walk.
 
         Raises:
-            SimrobError: a foot is no tool, some feet have no force sensor, or the forces are not used.
+            SimrobError: a foot is no tool, only some feet have a force sensor, or the forces are not used, since the
+                gait has no ``feedback.touch_force``.
         """
         feet = [foot for group in parameters.groups for foot in group]
         what = message(
@@ -223,14 +231,18 @@ class Walk(LoopSection):
             )
 
     def warnings(self, key: str, robot: ResolvedRobot) -> list[str]:
-        """Find the commands of the section that are faster than the legs, and will be clipped, in words.
+        """Find the commands and the speed of the path that are faster than the legs, and will be clipped.
 
         Args:
             key: key of the section in the station file.
             robot: robot of the loop.
 
+        Returns:
+            A sentence for each number of a command that will be clipped.
+
         Raises:
             InvalidParameter: there is such a command, and the section is strict.
+            SimrobError: the robot has no parameters of a walk, or a value of the section is wrong.
         """
         max_speed = self.walking(robot).max_speed
         commands = {
@@ -242,6 +254,7 @@ class Walk(LoopSection):
         found = list[str]()
         for own_key, command in commands.items():
             for part in find_excess(command, max_speed):
+                # A path has the key `speed` in place of the keys of a command (`ahead`, `sideways`, `turn_deg`).
                 part_name = "speed" if own_key == "path" else part.key
                 name = f"{key}.{own_key}.{part_name}"
                 if self.strict:
@@ -267,9 +280,9 @@ class Walk(LoopSection):
         return found
 
     def command_limits(self, robot: ResolvedRobot) -> list[tuple[float, float]]:
-        """Lower and upper limits of the speeds ahead and to the left [m/s] and of the turn [deg/s].
+        """Lower and upper limits of the speeds ahead and to the left [m/s] and of the turn [deg/s], for sliders.
 
-        They are the largest ones that the legs of the robot can follow.
+        They are the largest speeds that the legs of the robot can follow, by the parameters of its walk.
         """
         limits = self.walking(robot).max_speed
         return [
@@ -281,18 +294,21 @@ class Walk(LoopSection):
     def command_at(self, time: float) -> tuple[float, ...]:
         """The command of the section at a time [s]: speeds ahead and to the left [m/s], and turn [rad/s].
 
-        They are zero before the first command.
+        They are zero before the first command. Inputs and users, who may command the walk, too, are not considered.
         """
         # The last command whose time has come holds.
         due = [entry for entry in self.commands if entry.time <= time]
         return _command_values(due[-1] if due else Commanded())
 
     def rounded_command(self, command: TimedCommand) -> TimedCommand:
-        """Round the turn of a command to what the section's file can hold in degrees."""
+        """Round the turn of a command to what the section's file can hold in degrees.
+
+        A run rounds a command before it applies it, so that a run of the saved file gets equal numbers.
+        """
         return command._replace(values=_command_values(_entry_of_command(command)))
 
     def with_commands(self, commands: Sequence[TimedCommand]) -> "Walk":
-        """Copy the section with these commands.
+        """Copy the section with commands that a user or a program gave during a run, to save them in a station file.
 
         Its own commands before the first of them are kept, later ones are dropped.
 
@@ -304,12 +320,16 @@ class Walk(LoopSection):
         return self.model_copy(update={"commands": (*before, *map(_entry_of_command, commands))})
 
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
-        """Create the block for a robot of the site."""
+        """Create the block with its engine, for a robot of the station under construction, the site.
+
+        The key of the section is for errors.
+        """
         parameters = self.walking(robot)
         feet = robot.feet
         assert feet is not None  # check() has checked it
         names = [foot for group in parameters.groups for foot in group]
-        # A foot is named by its tool; its frame is that of the link with the contact points.
+        # The gait names a foot by a tool of the robot. The engine needs the frame of the link to which the tool is
+        # fixed, and which has the contact points of the foot.
         link_of_body = {
             robot.plant.GetFrameByName(link, robot.instance).body().index(): link
             for link in feet.links
@@ -473,11 +493,22 @@ class WalkingLoop(SampledBlock):
             context: context of the block, which is changed.
             values: speeds ahead and to the left [m/s], and turn [rad/s].
         """
-        # The 1 in front says that a user commands the walk, see `Commander`.
+        # The 1 in front marks that a user commands the walk, with the three numbers after it.
         self.remember(context, {"hand": np.array([1.0, *values])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the next posture."""
+        """Compute the next posture, or the way to the first one. While another loop moves the robot, do nothing.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block, and the time.
+
+        Returns:
+            The new values of the memory.
+
+        Raises:
+            RunEnds: the section is strict, and the command is faster than the legs.
+        """
         measured = np.concatenate([read[name] for name in _MEASURED])
         # The sum of the squares is not finite if one of the values is not: this is the fastest test of all values.
         is_blind = not math.isfinite(measured.dot(measured))
@@ -498,7 +529,11 @@ class WalkingLoop(SampledBlock):
         return {**changes, **self._walk(memory, read, None if is_blind else measured)}
 
     def _approach_start(self, memory: Named) -> Changes:
-        """Move on from the posture at the beginning to the first posture of the walk."""
+        """Move on from the posture at the beginning to the first posture of the walk.
+
+        Args:
+            memory: memory before the sample: posture at the beginning, first posture, and part of the way that is done.
+        """
         begin = memory["begun"]
         end = memory["posture"]
         # With the same largest acceleration for all distances, the time of a motion grows with their square root.
@@ -516,11 +551,19 @@ class WalkingLoop(SampledBlock):
         Args:
             memory: memory before the sample.
             read: inputs of the sample.
-            measured: measured motion, see `Body.observe`; None if it is not finite.
+            measured: measured motion, the inputs of `_MEASURED` one after the other; None if it is not finite. Then the
+                walk continues as planned.
+
+        Returns:
+            The new values of the memory.
+
+        Raises:
+            RunEnds: the section is strict, and the command is faster than the legs.
         """
         engine = self.engine
         stride = self._last_stride
-        # The memory differs after a jump to another state, such as the beginning of a run.
+        # The stride of the last sample is kept as an object. The memory differs from it after a jump to another state,
+        # such as the beginning of a run.
         if memory["stride"].tobytes() != self._last_numbers:
             stride = Stride.of(memory["stride"])
         selected = self._select_command(memory, read)
@@ -544,6 +587,7 @@ class WalkingLoop(SampledBlock):
             "foot": new_stride.step.standing,
         }
         if estimate is not None:
+            # xi is the divergent component as a complex number, ahead + i left.
             changes["capture"] = np.array([estimate.xi.real, estimate.xi.imag])
         return changes
 
@@ -555,7 +599,7 @@ class WalkingLoop(SampledBlock):
             read: inputs of the sample.
 
         Raises:
-            RunEnds: the section is strict, and the command is faster.
+            RunEnds: the section is strict, and the command is faster than the legs.
         """
         last_values = memory["command"]
         last_progress = float(memory["progress"][0])
@@ -569,7 +613,7 @@ class WalkingLoop(SampledBlock):
         changes: dict[str, Vector | float] = {}
         if progress != last_progress:
             changes["progress"] = progress
-        # Without a finite pose of the robot a path gives no command: the last one stays.
+        # Without a finite pose of the robot a path gives no command: the one of the last sample stays.
         if desired is None:
             return _SelectedCommand(command=command_of(last_values), changes=changes)
 
@@ -597,9 +641,10 @@ class WalkingLoop(SampledBlock):
         return _SelectedCommand(command=command, changes=changes)
 
     def _vertical_forces(self, stride: Stride, read: Named) -> list[float] | None:
-        """Read the vertical forces on the feet [N]. Returns None if no forces are measured.
+        """Read the absolute vertical forces on the feet, in the order of the feet [N].
 
-        Only the forces that the estimator needs are read, since reading takes time. The others are 0.
+        Only the forces that the estimator needs at this stride are read, since reading takes time. The others are 0.
+        Returns None if no forces are measured.
         """
         if not self._measured_feet:
             return None
@@ -611,7 +656,13 @@ class WalkingLoop(SampledBlock):
         return forces
 
     def _begin(self, read: Named) -> Changes:
-        """Begin the walk from the robot's present posture: first it moves to the posture in which the walk stands."""
+        """Begin the walk from the robot's present posture: first it moves to the posture in which the walk stands.
+
+        The slope of the ground under the feet is taken into account. Returns the new values of the memory.
+
+        Args:
+            read: inputs of the sample, all finite.
+        """
         engine = self.engine
         state = engine.body.observe(np.concatenate([read[name] for name in _MEASURED]))
         stride, posture = engine.stand(self.start, engine.estimator.slope(state))

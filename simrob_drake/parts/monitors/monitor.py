@@ -45,7 +45,7 @@ class MonitorSection(Strict, ABC):
 
     @abstractmethod
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition that ends a run.
+        """Make the condition that ends a run once it has held for `hold`.
 
         Args:
             name: name of the section.
@@ -56,14 +56,14 @@ class MonitorSection(Strict, ABC):
         """
 
     def check(self, name: str, station: StationContents) -> None:
-        """Check that the robot exists.
+        """Check that the robot exists, if the section names one.
 
         Args:
             name: name of the section.
             station: contents of the station.
 
         Raises:
-            SimrobError: the section does not fit the station.
+            SimrobError: the station has no robot of this name.
         """
         # Without a robot, the section may watch a piece or a sensor; `condition` finds out.
         if self.robot is not None:
@@ -106,9 +106,11 @@ def condition_on_largest(
         return index, float(found[index])
 
     def largest_excess(*values: Vector) -> float:
+        """Compute the excess of the condition."""
         return find_largest(*values)[1]
 
     def reason(*values: Vector) -> str:
+        """Write the reason for the largest excess."""
         return why(*find_largest(*values))
 
     return Condition(watched, largest_excess, reason)
@@ -129,7 +131,7 @@ def add_monitor(
         site: the station under construction.
         name: name of the monitor.
         trigger: condition of the monitor, and how long it must last.
-        robot: robot whose part of the block picture contains the block; None if it belongs to none.
+        robot: name of the robot whose part of the block picture contains the block; None if it belongs to none.
     """
     site.outputs.monitors[name] = trigger
     # The caller evaluates the registered trigger itself, so the diagram needs no block for it.
@@ -220,13 +222,13 @@ class SensorMonitorSection(MonitorSection):
 
 
 def _pose_of_piece(station: StationContents, piece: str) -> WatchedPose:
-    """Pose of a free piece, by its name."""
+    """Describe the pose of a free piece, by its name."""
     watched = {f"piece_pose.{piece}": len(XYZ_QUATERNION_NAMES)}
     return WatchedPose(subject=piece, watched=watched, start=station.pieces[piece].pose)
 
 
 def _pose_of_robot(name: str, robot: ResolvedRobot, port: str) -> WatchedPose:
-    """Pose of a robot's base or tool.
+    """Describe the pose of a robot's base or tool, for a monitor to watch.
 
     Args:
         name: name of the monitor's section.

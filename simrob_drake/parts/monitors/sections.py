@@ -3,7 +3,8 @@
 Each class is a kind of section under ``monitors`` in a station file. Its method `condition` returns the condition that
 ends a run, with a function *excess* of the watched signals: the condition holds if the excess is not negative. The run
 ends once the condition has held for the time `hold`, and not before the time `after`: both are keys of all monitors.
-Most of the classes compute one excess for each axis or side, and the largest of them decides.
+Most of the classes compute one excess for each axis or side, and the largest of them decides. A function *why* gives
+the reason of the end in words. A robot has n axes.
 """
 
 import math
@@ -57,10 +58,15 @@ class JointLimit(MonitorSection):
     """Distance before the limit at which the run ends, for axes that slide [m]."""
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is the largest overshoot of a limit, with the margin [rad or m]."""
+        """Make the condition; its excess is the largest overshoot of a limit, with the margin [rad or m].
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+        """
         robot = station.robot(self.robot, f"monitors.{name}")
         count = len(robot.axes)
-        # A positive margin makes the range smaller on both sides.
+        # Margin of each axis, shape (n,) [rad or m]. A positive one makes the range smaller on both sides.
         margin = robot.model.bounds(self.margin_deg, self.margin_m)
         all_lower, all_upper = robot.model.axis_limits
         lower = all_lower + margin
@@ -103,7 +109,15 @@ class TorqueLimit(MonitorSection):
     motor can give at the present speed. Axes that a mapping leaves out keep the limit of their servo."""
 
     def check(self, name: str, station: StationContents) -> None:
-        """Check that the robot exists, and that the limits are positive."""
+        """Check that the robot exists, and that the limits are positive.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: the robot or an axis does not exist, or a limit is not positive.
+        """
         super().check(name, station)
         limits = self._limits(station.robot(self.robot, f"monitors.{name}"))
         # The excess divides by the limits. A negation, so that it also finds values that are not numbers.
@@ -117,7 +131,8 @@ class TorqueLimit(MonitorSection):
     def _limits(self, robot: ResolvedRobot) -> Vector:
         """Torque limit of each axis, shape (n,) [N·m or N]: that of the section, or else that of the servo.
 
-        The limit of the servo of a passive axis is infinite, since such an axis has no torque.
+        The limit of the servo of a passive axis is infinite, since such an axis has no torque. Errors name the key
+        ``limit``.
         """
         servo_limits = robot.gains.judged_limit
         if self.limit is None:
@@ -125,10 +140,16 @@ class TorqueLimit(MonitorSection):
         return robot.model.axis_vector(self.limit, "limit", servo_limits)
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is the largest used part of a limit, minus one [1]."""
+        """Make the condition; its excess is the largest used part of a limit, minus one [1].
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+        """
         robot = station.robot(self.robot, f"monitors.{name}")
-        # The torque of a motor falls with its speed, along a line. Limits of the section's own replace these lines. In
-        # a kinematic station torques are computed from the motion, and only compared with constant limits.
+        # Whether the torque of a motor at its present speed is the limit: it falls with the speed, along a line. Limits
+        # of the section's own replace these lines. In a kinematic station torques are computed from the motion, and
+        # only compared with constant limits.
         motors_count = (
             self.limit is None and robot.gains.line is not None and station.engine.moves_by_forces
         )
@@ -137,13 +158,15 @@ class TorqueLimit(MonitorSection):
         )
 
     def _condition_of_motors(self, robot: ResolvedRobot) -> Condition:
-        """Condition on the torque that each motor can give at its speed."""
+        """Make the condition on the torque that each motor can give at its speed."""
 
-        # A part of 1 is the whole torque that the motor has at this speed.
         def excesses(torque: Vector, speed: Vector) -> Vector:
+            """Used part of each axis's torque at its speed, minus one, shape (n,) [1]."""
+            # A share of 1 is the whole torque that the motor has at this speed.
             return robot.gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
 
         def why(index: int, _: float) -> str:
+            """Reason of the end of the run, by the index of the axis."""
             return message(
                 "parts.stayed_at_motor_limit",
                 "{axis} stayed at the limit of its motor for {hold:g} s",
@@ -154,7 +177,7 @@ class TorqueLimit(MonitorSection):
         return condition_on_largest(axis_outputs(robot, "torque", "velocity"), excesses, why)
 
     def _condition_of_limits(self, robot: ResolvedRobot) -> Condition:
-        """Condition on constant torque limits."""
+        """Make the condition on constant torque limits: those of the section, or else those of the servos."""
         limits = self._limits(robot)
         if self.limit is None:
             what = message("parts.its_torque_limit", "its torque limit")
@@ -162,9 +185,11 @@ class TorqueLimit(MonitorSection):
             what = message("parts.the_limit", "the limit")
 
         def excesses(torque: Vector) -> Vector:
+            """Used part of each axis's limit, minus one, shape (n,) [1]."""
             return np.abs(torque) / limits - 1 + _AT_LIMIT
 
         def why(index: int, _: float) -> str:
+            """Reason of the end of the run, by the index of the axis."""
             unit = robot.model.units[index].effort
             return message(
                 "parts.stayed_at_limit",
@@ -198,6 +223,10 @@ class Settled(MonitorSection):
 
         With the speeds v, the position errors e and their bounds it is
         :math:`1 - \max_i \max(|v_i| / v_{max,i}, |e_i| / e_{max,i})`, without the errors if none is bounded.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
         """
         robot = station.robot(self.robot, f"monitors.{name}")
         # Bounds in SI units, shape (n,). An error without a bound may be infinite.
@@ -213,14 +242,17 @@ class Settled(MonitorSection):
             return float((np.abs(velocity) / speed_bounds).max())
 
         def excess_of_speed(velocity: Vector) -> float:
+            """Excess of the condition if errors do not count."""
             return 1 - used_speed(velocity)
 
         def excess_with_error(velocity: Vector, position: Vector, reference: Vector) -> float:
+            """Excess of the condition with the errors of the positions."""
             used_error = float((np.abs(reference - position) / error_bounds).max())
             return 1 - max(used_speed(velocity), used_error)
 
         def why(*_: Vector) -> str:
-            # Axes with the same bound are named once.
+            """Reason of the end of the run, with the speeds that count as standing still."""
+            # The keys are the bounds in words: axes with the same bound are named once.
             bounds = dict[str, None]()
             for bound, unit in zip(speed_bounds, robot.model.units, strict=True):
                 bounds[compound("{bound:g} {unit}/s", bound=bound / unit.size, unit=unit.name)] = (
@@ -248,14 +280,21 @@ class Divergence(MonitorSection):
     """Speed that counts as running away [rad/s, or m/s of axes that slide]."""
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is the largest speed minus the limit [rad/s or m/s]."""
+        """Make the condition; its excess is the largest speed minus the limit [rad/s or m/s].
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+        """
         robot = station.robot(self.robot, f"monitors.{name}")
 
-        # The same number serves in rad/s and in m/s: it only has to be far above the speeds of real joints.
         def excesses(velocity: Vector) -> Vector:
+            """Speed of each axis minus the limit, shape (n,) [rad/s or m/s]."""
+            # The same number serves in rad/s and in m/s: it only has to be far above the speeds of real joints.
             return np.abs(velocity) - self.speed_limit
 
         def why(index: int, excess: float) -> str:
+            """Reason of the end of the run, by the index and the excess of the fastest axis."""
             unit = f"{robot.model.units[index].si}/s"
             return message(
                 "parts.ran_away",
@@ -278,7 +317,12 @@ class PowerLimit(MonitorSection):
     """Largest power of all joints together [W]; braking counts as driving does."""
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is the power minus the limit [W]."""
+        """Make the condition; its excess is the power minus the limit [W].
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+        """
         robot = station.robot(self.robot, f"monitors.{name}")
         reason = message(
             "parts.power_reached_limit",
@@ -289,6 +333,7 @@ class PowerLimit(MonitorSection):
         )
 
         def excesses(torque: Vector, velocity: Vector) -> Vector:
+            """Power of all joints minus the limit, shape (1,) [W]."""
             # Absolute values of the products, so that braking counts as driving does.
             power = np.abs(torque * velocity).sum()
             return np.array([power - self.limit])
@@ -308,7 +353,15 @@ class EmptyGrip(MonitorSection):
     which the shapes of the fingers meet."""
 
     def check(self, name: str, station: StationContents) -> None:
-        """Check that the robot exists and has fingers."""
+        """Check that the robot exists and has fingers.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: the robot does not exist, or has no fingers.
+        """
         super().check(name, station)
         robot = station.robot(self.robot, f"monitors.{name}")
         if not robot.model.fingers:
@@ -323,21 +376,27 @@ class EmptyGrip(MonitorSection):
         """Make the condition; its excess is the opening that counts as closed minus that of the most open finger [1].
 
         The opening of a finger is 0 if it is closed, and 1 if it is open.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
         """
         robot = station.robot(self.robot, f"monitors.{name}")
         # Only the axes of fingers count, by their indices among all axes of the robot.
         indices = list(robot.model.fingers)
-        # Positions of each finger's axis at the two ends of its way.
+        # Positions of each finger's axis at the two ends of its way [rad or m].
         closed = np.array([ends[0] for ends in robot.model.fingers.values()])
         opened = np.array([ends[1] for ends in robot.model.fingers.values()])
 
-        # Shapes of fingers may meet before their joints are closed: then the opening without a gap is above 0.
+        # Shapes of fingers may meet before their joints are closed: then the opening at which their gap is 0 is above
+        # 0.
         stroke = stroke_of(robot.model)
         opening_at_touch = stroke.opening(0.0) if stroke else 0.0
         largest_opening = self.part + opening_at_touch
 
-        # One finger that is held open by a piece is enough for a grip that is not empty.
         def excess(position: Vector) -> float:
+            """Opening that counts as closed minus the opening of the most open finger [1]."""
+            # One finger that is held open by a piece is enough for a grip that is not empty.
             openings = (position[indices] - closed) / (opened - closed)
             return largest_opening - float(openings.max())
 
@@ -360,6 +419,10 @@ class Contact(SensorMonitorSection):
         """Make the condition; its excess is the distance that counts as contact minus the measured one [m].
 
         The proximity switch of the Simulink library works like this.
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
         """
         sensor = self.watched_sensor(name, station, "distance")
         # The reason names what touches, which only the section of the sensor knows.
@@ -381,10 +444,11 @@ class Contact(SensorMonitorSection):
         else:
             reason = message("parts.touch", "{names} touch", names=names)
 
-        # The only excess is its own largest; a distance that is not a number then counts as contact.
         def excesses(distance: Vector) -> Vector:
+            """Distance that counts as contact minus the measured one, shape (1,) [m]."""
             return self.distance - distance
 
+        # There is only one excess. The function makes it infinite if the distance is not a number, which ends the run.
         return condition_on_largest({f"distance.{sensor}": 1}, excesses, lambda *_: reason)
 
 
@@ -396,7 +460,12 @@ class ForceLimit(SensorMonitorSection):
     """Largest force [N], or a body region of ISO/TS 15066 such as `hands_and_fingers`."""
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is the magnitude of the force minus the limit [N]."""
+        """Make the condition; its excess is the magnitude of the force minus the limit [N].
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+        """
         sensor = self.watched_sensor(name, station, "force")
         limit = force_limit(self.limit)
         region = ""
@@ -412,6 +481,7 @@ class ForceLimit(SensorMonitorSection):
         )
 
         def excesses(force: Vector) -> Vector:
+            """Magnitude of the force minus the limit, shape (1,) [N]."""
             return np.array([np.linalg.norm(force) - limit])
 
         return condition_on_largest({f"force.{sensor}": 3}, excesses, lambda *_: reason)
@@ -456,7 +526,7 @@ def force_limit(limit: float | str) -> float:
 
 
 def _not_finite(who: str) -> str:
-    """Reason of the end of a run in which the pose of a robot, a tool or a piece is not finite."""
+    """Write the reason of the end of a run in which the pose of a robot, a tool or a piece, ``who``, is not finite."""
     return message(
         "parts.is_nowhere",
         "the pose of {who} is not finite: the simulation has diverged",
@@ -492,7 +562,11 @@ class Fall(PoseMonitorSection):
 
     @model_validator(mode="after")
     def _check_has_bound(self) -> "Fall":
-        """Check that at least one bound is given."""
+        """Check that at least one bound is given.
+
+        Raises:
+            ValueError: none is given.
+        """
         if self.height is None and self.tilt_deg is None:
             raise ValueError(
                 message(
@@ -502,7 +576,7 @@ class Fall(PoseMonitorSection):
         return self
 
     def faller(self, only_robot: str | None) -> str | None:
-        """Name of the robot that the section watches.
+        """Name of the robot whose fall the section watches.
 
         Args:
             only_robot: name of the station's only robot; None if it has none or several.
@@ -515,13 +589,18 @@ class Fall(PoseMonitorSection):
         return self.robot or only_robot
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is the larger excess of the two bounds, as a part of the bound [1]."""
+        """Make the condition; its excess is the larger excess of the two bounds, as a part of the bound [1].
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+        """
         pose_source = self.watched_pose(name, station, "base_pose")
         subject = pose_source.subject
         ground = station.ground
         largest_tilt = None if self.tilt_deg is None else math.radians(self.tilt_deg)
-        # Direction in the body that points up at the start. A plain list, since `lean` is called at each step and is
-        # faster without arrays.
+        # Direction in the body that points up at the start, a unit vector. A plain list, since `lean` is called at each
+        # step and is faster without arrays.
         world_up = np.array([0.0, 0.0, 1.0])
         up: list[float] = (pose_source.start.rotation().inverse() @ world_up).tolist()
 
@@ -538,6 +617,7 @@ class Fall(PoseMonitorSection):
             return _FallExcess(low, leaning)
 
         def excess(pose: Vector) -> float:
+            """Larger excess of the two bounds [1]. It is infinite if the pose is not finite."""
             # Plain names and comparisons, since this is evaluated at every step.
             low, leaning = excesses(pose)
             # A pose that is not finite ends the run: comparisons would ignore a value that is not a number.
@@ -581,7 +661,11 @@ class Workspace(PoseMonitorSection):
 
     @model_validator(mode="after")
     def _check_box(self) -> "Workspace":
-        """Check that the box is not empty."""
+        """Check that the box is not empty.
+
+        Raises:
+            ValueError: a lower bound is not below the upper one.
+        """
         if any(low >= high for low, high in zip(self.lower, self.upper, strict=True)):
             raise ValueError(
                 message(
@@ -594,7 +678,12 @@ class Workspace(PoseMonitorSection):
         return self
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is how far outside of the box the pose's origin is along an axis [m]."""
+        """Make the condition; its excess is how far outside of the box the pose's origin is along an axis [m].
+
+        Args:
+            name: name of the section.
+            station: contents of the station.
+        """
         port = f"tcp_pose.{self.tool}" if self.tool else "tcp_pose"
         pose_source = self.watched_pose(name, station, port)
 

@@ -157,6 +157,7 @@ class Lens:
         )
         # VTK draws a little more than the range of depths: colour images also show what is too near or too far.
         clipping = ClippingRange(_NEAR_CLIPPING * self.near, 2 * self.far)
+        # The pose is given when an image is taken, so that of the description is the identity.
         core = RenderCameraCore(_RENDERER, info, clipping, RigidTransform())
         return ColorRenderCamera(core), DepthRenderCamera(core, DepthRange(self.near, self.far))
 
@@ -169,7 +170,7 @@ class Lens:
             query: query object of the scene graph.
             parent: frame of the scene graph to which the camera is fixed.
             pose: pose of the camera in the parent.
-            time: time of the run [s], from which the noise is drawn.
+            time: time of the run [s], from which the noise of the depth is drawn.
         """
         color_camera, depth_camera = self._cameras
         # Copies of the channels, since a view would keep the whole of Drake's image in memory. The fourth channel of a
@@ -226,7 +227,7 @@ class CameraBlock(Block):
         self.DeclareAbstractOutputPort("image", Value[object], weakly(self._calc_image))
 
     def _calc_image(self, context: Context, output: AbstractValue) -> None:
-        """Take an image at the time of the context."""
+        """Take an image at the time of the context, and write it to `output`."""
         query = self._query.Eval(context)
         output.set_value(self._lens.image(query, self._parent, self._pose, context.get_time()))
 
@@ -268,7 +269,11 @@ class CameraSensor(Sensor):
 
     @model_validator(mode="after")
     def _check_depths(self) -> Self:
-        """Check that the range of depths is not empty."""
+        """Check that the range of depths is not empty.
+
+        Raises:
+            ValueError: ``far`` is not larger than ``near``.
+        """
         if self.far <= self.near:
             raise ValueError(
                 message(
@@ -298,6 +303,11 @@ class CameraSensor(Sensor):
 
         A run records no images: those of a result are rendered after it. So a camera has no signals.
 
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+
         Raises:
             Unsuitable: the camera is inside a shape at the start.
         """
@@ -319,7 +329,8 @@ class CameraSensor(Sensor):
 
     def mount(self, plant: StationPlant) -> tuple[FrameId, RigidTransform]:
         """Find the frame of the scene graph to which the camera is fixed, and the camera's pose in it."""
-        # The scene graph has frames of bodies only: the pose of the named frame in its body comes in front.
+        # The scene graph has frames of bodies only: the pose of the camera in the body is that of the named frame in
+        # the body, times that of the camera in the named frame.
         frame = frame_of(plant, self.frame)
         parent = plant.plant.GetBodyFrameIdOrThrow(frame.body().index())
         return parent, frame.GetFixedPoseInBodyFrame() @ transform_from_pose(self.pose)
@@ -336,7 +347,7 @@ class CameraSensor(Sensor):
             pose: pose of the camera in the parent.
 
         Raises:
-            Unsuitable: it is inside a shape.
+            Unsuitable: it is more than 1 mm deep inside a shape.
         """
         plant = station.plant
         scene_graph = station.scene_graph

@@ -78,11 +78,28 @@ class Imu(SampledSensor):
     """Standard deviation of the constant error of each axis, drawn from the seed [rad/s]."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that the frame exists."""
+        """Check that the frame exists.
+
+        Args:
+            key: key of the sensor in the station, such as ``sensors.foot``, for errors.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: it does not, or no frame is given and the station does not have exactly one robot.
+        """
         check_frame(station, f"{key}.frame", self._frame_name(station, key))
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``specific_force.<sensor>`` (3) [m/s²], ``angular_velocity`` (3) [rad/s] and ``orientation`` (4)."""
+        """Add the block of the sensor, and declare its outputs.
+
+        They are ``specific_force.<sensor>`` (3) [m/s²], ``angular_velocity.<sensor>`` (3) [rad/s] and
+        ``orientation.<sensor>`` (4): qw qx qy qz.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+        """
         frame = self._frame_name(site.station, f"sensors.{name}")
         block = InertialUnit(self, site.plant.plant, frame_of(site.plant, frame))
         # One plot panel for each output, all in one figure: their units differ.
@@ -106,7 +123,7 @@ class Imu(SampledSensor):
         site.outputs.notes[name] = {"kind": self.kind, "frame": frame}
 
     def _frame_name(self, station: StationContents, key: str) -> str:
-        """Name of the frame in the station.
+        """Name of the frame in the station; without a name in the section, the root link of the only robot.
 
         Args:
             station: contents of the station.
@@ -168,11 +185,20 @@ class InertialUnit(SampledBlock):
         # Work space: every evaluation sets its state anew.
         self._scratch = plant.CreateDefaultContext()
         self.seed = section.seed
+        # One value for each of the three components of the force, then of the angular velocity.
         self._noise = np.repeat([section.accelerometer_noise, section.gyroscope_noise], 3)
         self._bias = np.repeat([section.accelerometer_bias, section.gyroscope_bias], 3)
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the measurements from the motion since the last sample."""
+        """Compute the measurements from the motion since the last sample.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+        """
         # Number of this sample, from 0: it selects the noise, and 0 is the first sample.
         count = int(memory["count"][0])
         plant = self._plant
@@ -233,7 +259,15 @@ class FrameSensor(Sensor):
     """Whether the velocity is relative to these axes as they turn; otherwise, to axes that do not turn."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that the frames exist."""
+        """Check that both frames exist.
+
+        Args:
+            key: key of the sensor in the station, such as ``sensors.foot``, for errors.
+            station: contents of the station.
+
+        Raises:
+            UnknownName: a frame does not exist.
+        """
         check_frame(station, f"{key}.frame", self.frame)
         check_frame(station, f"{key}.base", self.base)
 
@@ -241,6 +275,11 @@ class FrameSensor(Sensor):
         """Add ``frame_pose.<sensor>`` (7): x y z [m] and a quaternion, and ``frame_velocity.<sensor>`` (6).
 
         The velocity is the linear one [m/s], then the angular one [rad/s].
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
         """
         base = AttachedFrame(frame_of(site.plant, self.base), transform_from_pose(self.base_offset))
         frame = AttachedFrame(frame_of(site.plant, self.frame), transform_from_pose(self.offset))
@@ -355,14 +394,15 @@ class RelativeMotion(Block):
         output.SetFromVector(self._motion.Eval(context)[7:])
 
     def _calc_motion(self, context: Context, output: BasicVector) -> None:
-        """Compute the pose, then the velocity, by the equations of the class."""
+        """Compute the pose, then the velocity, by the equations of the class, and write both to `output` (13)."""
         self._plant.SetPositionsAndVelocities(self._scratch, self._state.Eval(context))
         base = self._motion_in_world(self._base_index, self._base_offset)
         frame = self._motion_in_world(self._frame_index, self._frame_offset)
         frame_in_base = base.pose.inverse().multiply(frame.pose)
         arm = frame.pose.translation() - base.pose.translation()
 
-        # With the turning axes fixed to the base, the velocity is relative to the point of the base at the frame's
+        # `Shift` gives the velocity of the same body at another point, given by the vector to it. With the turning axes
+        # fixed to the base, the velocity is relative to the point of the base at the frame's
         # origin; with the axes fixed to the frame, the same the other way round.
         base_velocity = base.velocity
         frame_velocity = frame.velocity
@@ -390,7 +430,12 @@ class RelativeMotion(Block):
         output.SetFromVector(np.concatenate([position, orientation, linear, angular]))
 
     def _motion_in_world(self, index: FrameIndex, offset: RigidTransform) -> _FrameMotion:
-        """Compute the motion of a frame that is fixed at an offset in a frame of the plant."""
+        """Compute the motion in the world of a frame that is fixed in a frame of the plant.
+
+        Args:
+            index: index of the frame of the plant, whose state is that of the work space.
+            offset: pose of the frame in that frame.
+        """
         parent = self._plant.get_frame(index)
         pose = parent.CalcPoseInWorld(self._scratch)
         velocity = parent.CalcSpatialVelocityInWorld(self._scratch)

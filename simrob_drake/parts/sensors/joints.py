@@ -59,7 +59,13 @@ class Encoders(SampledSensor):
         return resolutions
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``position.<sensor>`` and ``velocity.<sensor>`` (n) [rad and rad/s, or m and m/s]."""
+        """Add ``position.<sensor>`` and ``velocity.<sensor>`` (n) [rad and rad/s, or m and m/s].
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+        """
         robot = site.robot(self.robot)
         block = JointEncoders(self, robot.model.user_units, self.resolution(robot))
         signals = {}
@@ -125,7 +131,16 @@ class JointEncoders(SampledBlock):
         self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the measured positions and speeds at this sample, by the equations of the class."""
+        """Compute the measured positions and speeds at this sample, by the equations of the class.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+        """
+        # Number of this sample, from 0: it selects the noise.
         count = int(memory["count"][0])
         noise = self._noise * normal_noise(self.seed, count, len(self._noise))
         position = round_to_resolution(read["position"] + noise, self._resolution)
@@ -147,7 +162,15 @@ class JointTorque(Sensor):
     """Robot whose joints are measured; the only robot if it is left out."""
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check, in addition to the base class, that the solver reports reaction forces of joints."""
+        """Check that the robot exists, and that the solver reports reaction forces of joints.
+
+        Args:
+            key: key of the sensor in the station, such as ``sensors.foot``, for errors.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: the robot does not exist, or the solver does not report these forces.
+        """
         super().check(key, station)
         # The block reads Drake's output of reaction forces, which some engines do not compute.
         if not station.engine.reports_forces_of_joints:
@@ -162,7 +185,13 @@ class JointTorque(Sensor):
             )
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``joint_torque.<sensor>`` (n) [N·m or N]."""
+        """Add ``joint_torque.<sensor>`` (n) [N·m or N].
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+        """
         robot = site.robot(self.robot)
         output = f"joint_torque.{name}"
         columns = axis_names("joint_torque", name, robot.axes)
@@ -182,6 +211,8 @@ def _add_joint_torque(
     builder: DiagramBuilder, site: Site, name: str, robot: StationRobot
 ) -> OutputPort:
     """Add the block of a joint torque sensor, and return its port, size n [N·m or N].
+
+    A kinematic station gets no block: the port is that of the robot's torques.
 
     Args:
         builder: builder of the diagram.
@@ -213,8 +244,17 @@ class ExternalTorque(SampledSensor):
     """Gain of the observer [1/s]: the estimate lags behind by 1/gain."""
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``external_torque.<sensor>`` (n) [N·m or N] and, with a tool, ``external_force.<sensor>`` (3) [N]."""
+        """Add ``external_torque.<sensor>`` (n) [N·m or N] and, with a tool, ``external_force.<sensor>`` (3) [N].
+
+        The force is given along the axes of the tool in use.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+        """
         robot = site.robot(self.robot)
+        # The tool in use, if there is one, gives the point and the axes of the estimated force.
         observer = MomentumObserver(
             plant=site.plant.plant,
             axes=robot.axis_map,
@@ -222,7 +262,6 @@ class ExternalTorque(SampledSensor):
             period=1 / self.rate,
             tool=robot.tools.get(robot.tcp),
         )
-        # The tool in use, if there is one, gives the point and the axes of the estimated force.
         title = message("parts.external_torque_of", "external torque '{name}'", name=name)
         panel = sensor_panel(title, "torque", axis_names("external_torque", name, robot.axes))
         signals = {
@@ -261,9 +300,10 @@ class ExternalTorque(SampledSensor):
 def _add_motor_torque(
     builder: DiagramBuilder, site: Site, name: str, robot: StationRobot
 ) -> OutputPort:
-    """Find the motor torques of a robot, without the dampers that the plant's joints have for them.
+    """Find the motor torques of a robot, without the dampers that the plant's joints have for motors.
 
-    The torques of a robot contain these dampers. The observer gets the dampers from the plant, so they are added back.
+    A damper of the joint represents how the torque of a motor falls with its speed. The station's output ``torque`` is
+    the torque after this fall. The observer gets the dampers from the plant, so they are added back here.
 
     Args:
         builder: builder of the diagram, to which blocks are added if there are such dampers.

@@ -86,13 +86,14 @@ class LegOdometry(SampledSensor):
     """Whether the ground is level, at z = 0, which keeps the height from drifting; left out, whether the floor is."""
 
     def read(self, sensors: Mapping[str, Any]) -> dict[str, str]:
-        """Find the sensors that it reads.
+        """Find the sensors that it reads: those that the section names, and the only IMU and encoders of the station.
 
         Args:
             sensors: sections of the station's sensors, by name.
 
         Returns:
-            The names of the sensors by their purpose: `imu`, `encoders` and links of feet.
+            The names of the sensors by their purpose: `imu`, `encoders` and links of feet. A purpose for which the
+            section names no sensor is missing if the station has none or several of its kind.
         """
         found = dict[str, str]()
         for kind in ("imu", "encoders"):
@@ -109,7 +110,9 @@ class LegOdometry(SampledSensor):
             station: contents of the station.
 
         Raises:
-            SimrobError: something does not fit; the message says what.
+            SimrobError: the robot does not exist or does not stand on feet of its own; a sensor does not exist, is of
+                another kind, belongs to another robot or samples at another rate; or only some feet have a force
+                sensor.
         """
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
@@ -127,6 +130,7 @@ class LegOdometry(SampledSensor):
             "encoders": "encoders",
             **dict.fromkeys(robot.feet.links, "force"),
         }
+        # The dictionary has each purpose once: IMU and encoders are checked also if the section does not name them.
         for purpose in dict.fromkeys(["imu", "encoders", *self.reads]):
             one_of(
                 message("parts.input_for", "input for {key}.reads", key=key),
@@ -169,7 +173,8 @@ class LegOdometry(SampledSensor):
             robot: the robot.
 
         Raises:
-            InvalidParameter: something does not fit.
+            InvalidParameter: the IMU is not at the root link, the encoders are those of another robot, or a rate
+                differs.
         """
         read = self.read(station.sensors)
         root = f"{robot.prefix}{robot.model.root}"
@@ -204,6 +209,11 @@ class LegOdometry(SampledSensor):
         """Add ``base_pose.<sensor>`` (7: x y z [m] qw qx qy qz) and ``base_velocity.<sensor>`` (6) [m/s, rad/s].
 
         The velocity is the linear one of the root link, then the angular one, in the world's axes.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
         """
         robot = site.robot(self.robot)
         read = self.read(site.station.sensors)
@@ -250,7 +260,7 @@ class LegOdometry(SampledSensor):
 
 
 def _names_of_kind(sensors: Mapping[str, Any], kind: str) -> list[str]:
-    """Names of the sensors of a kind."""
+    """Names of the sensors of a kind, in the order of the station."""
     return [name for name, sensor in sensors.items() if sensor.kind == kind]
 
 
@@ -289,7 +299,7 @@ class Soles:
             points_of_feet = [np.array(robot.feet.points[link]) for link in robot.feet.links]
         else:
             points_of_feet = [robot.feet.support_points(link) for link in robot.feet.links]
-        # The points of all feet, one foot after the other.
+        # The points of all feet follow one another: those of foot i are the points ends[i] to ends[i + 1].
         counts = [len(points) for points in points_of_feet]
         ends = np.cumsum([0, *counts]).tolist()
         self.feet = {
@@ -389,13 +399,22 @@ class BaseEstimator(SampledBlock):
         self._height_share = 1 - math.exp(-period / _LEVEL_TIME) if level else 0.0
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the estimate at this sample."""
+        """Compute the estimate at this sample.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+        """
         pose = memory["base_pose"]
         velocity = memory["base_velocity"][:3]
         soles = self._soles
         period = self.period
         measured = {name: read[name] for name in self._reads}
-        # A sum is not finite if one of its terms is not. Without shares, the feet do not count at the next sample.
+        # A sum is not finite if one of its terms is not. Then the base continues at its velocity. With shares of 0, the
+        # feet do not count at the next sample.
         if not math.isfinite(np.concatenate([*measured.values()]).sum()):
             position = pose[:3] + period * velocity
             return {
@@ -418,7 +437,8 @@ class BaseEstimator(SampledBlock):
         step = period * (velocity + velocity_change / 2)
         new_velocity = velocity + velocity_change
 
-        # The lowest points now. That of a ball is below its middle, along the world's z axis.
+        # The lowest points now: in their links, and from the base along the world's axes. That of a ball is a radius
+        # below its middle, along the world's z axis, which in the axes of its link is the third row of the rotation.
         poses = soles.poses(measured["position"], rotation)
         lowest = soles.arms.copy()
         lowest[:, :3] -= soles.radius * poses[:, 2, :3]
@@ -436,6 +456,7 @@ class BaseEstimator(SampledBlock):
         total = float(weights.sum())
         if total > 0:
             # e = min(1, W) / W sum(w_i e_i) with the sum W of the weights: feet that hardly count correct only a part.
+            # The product error @ R is R' error.
             trust = min(total, 1.0)
             error = trust / total * (weights @ errors)
             step = step + error
@@ -460,10 +481,11 @@ class BaseEstimator(SampledBlock):
 
         Args:
             heights: heights of the points, shape (k,) [m].
-            read: measured values, with the force on each foot if forces are used.
+            read: measured values, with the force on each foot (3) [N] if forces are used.
         """
         if self._force is None:
             return shares_by_height(heights, heights.min())
+        # Within each foot by the heights of its points, and among the feet by their forces.
         shares = np.empty(len(heights))
         for foot, own_points in self._soles.feet.items():
             own_heights = heights[own_points]

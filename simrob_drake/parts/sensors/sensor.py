@@ -47,7 +47,8 @@ class Sensor(Strict, ABC):
             station: robots, pieces and other contents of the station.
 
         Raises:
-            SimrobError: something does not exist; the message says what.
+            SimrobError: the robot or the frame does not exist, or no robot is named and the station does not have
+                exactly one; the message names the key.
         """
         # Kinds of sensor declare a field ``robot`` or ``frame`` if they need one.
         if hasattr(self, "robot"):
@@ -99,7 +100,7 @@ class ShapeSensor(Sensor):
 
     @property
     def samples_while_stepping(self) -> bool:
-        """Whether the sensor takes samples."""
+        """Whether the sensor takes samples, which it does while the station is stepped."""
         return self.rate is not None
 
 
@@ -141,7 +142,10 @@ def add_sample_and_hold(
 
 
 def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[str, ...]:
-    """Names of the result columns of a sensor's signal: ``<signal>.<sensor>.<axis>``."""
+    """Make the names of the result columns of a sensor's signal: ``<signal>.<sensor>.<axis>``.
+
+    A text in place of a list of axes is one of letters, such as "xyz".
+    """
     return tuple(f"{signal}.{sensor}.{axis}" for axis in axes)
 
 
@@ -210,7 +214,8 @@ class SampledSensor(Sensor):
             robot: robot in whose part of the block picture the block is drawn, or None.
         """
         if not self.in_loop:
-            # No diagram owns the block, so it is kept as long as the plant. All of its outputs share one replay.
+            # No diagram owns the block, so it is kept as long as the plant. All of its outputs share one replay, see
+            # `_compute_after_run`.
             release_with(site.plant.plant, block)
             for port, signal in signals.items():
                 compute = partial(_compute_after_run, block=block, inputs=inputs, output=port)
@@ -238,6 +243,12 @@ def normal_noise(seed: int, number: int, size: int) -> Vector:
     """Draw values (size,) of the standard normal distribution.
 
     Each number of a seed has a random generator of its own, so that no block has to keep the state of a generator.
+    Equal arguments give equal values.
+
+    Args:
+        seed: seed of the sensor.
+        number: number of the draw, such as that of the sample.
+        size: count of values.
     """
     return np.random.default_rng([seed, number]).standard_normal(size)
 
@@ -284,6 +295,7 @@ def _compute_after_run(
     # Between two samples the values of the earlier one hold.
     replayed: Replay = recorded.memo[block]
     values = replayed.outputs[output]
+    # Number of the last sample at each time, counted from the time 0.
     samples = (times / replayed.period + _SAME_SAMPLE).astype(int)
     # A run that goes on from another one does not begin at the sample 0.
     rows = samples - _first_sample(recorded, replayed.period)
@@ -291,7 +303,10 @@ def _compute_after_run(
 
 
 def _first_sample(recorded: Recorded, period: float) -> int:
-    """Number of the first sample within a run, at the time number * ``period``: 0 for a run that begins at 0."""
+    """Number of the first sample within a run, counted from the time 0: it is at the time number * ``period`` [s].
+
+    It is 0 for a run that begins at 0.
+    """
     return int(np.ceil(recorded.step_times[0] / period - _SAME_SAMPLE))
 
 
@@ -304,16 +319,21 @@ def replay(
         recorded: the run.
         block: the block.
         inputs: source of each input port of the block, by the port's name: a port of the diagram, or a function that
-            computes the input.
+            computes the input from the run at times.
+
+    Returns:
+        The period and the outputs of the block at all k samples.
     """
     period = block.GetUniquePeriodicDiscreteUpdateAttribute().period_sec()
+    # Number after that of the last sample in the run.
     end_sample = int(np.floor(recorded.step_times[-1] / period + _SAME_SAMPLE)) + 1
     sample_times = period * np.arange(_first_sample(recorded, period), end_sample)
 
     # Values of the inputs at all samples, shape (k, size), by port. Ports are evaluated together, which is faster.
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
     values = dict(zip(ports, recorded.sample(list(ports.values()), sample_times), strict=True))
-    # While stepping, sensors that sample at the same time read each other's last sample. So does the replay.
+    # While stepping, a sensor that reads another one gets the other's last sample. So does the replay: inputs that are
+    # computed are those of the sample before, or of the begin of the run.
     times_before = np.maximum(sample_times - period, recorded.step_times[0])
     for name, source in inputs.items():
         if not isinstance(source, OutputPort):

@@ -51,6 +51,13 @@ class Distance(ShapeSensor):
 
         A dynamic station has shapes only with the section ``contact``. A kinematic station has them as soon as a sensor
         measures shapes, so it needs no check.
+
+        Args:
+            key: key of the sensor in the station, such as ``sensors.foot``, for errors.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: one of the two does not exist, or a dynamic station has no section ``contact``.
         """
         check_body(station, f"{key}.body", self.body)
         check_body(station, f"{key}.other", self.other)
@@ -58,7 +65,16 @@ class Distance(ShapeSensor):
             check_contact(key, message("parts.a_distance_sensor", "a distance sensor"), station)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``distance.<sensor>`` (1) [m]."""
+        """Add ``distance.<sensor>`` (1) [m].
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+
+        Raises:
+            InvalidParameter: one of the two has no collision shapes.
+        """
         body = shapes_of(site.plant, site.station, self.body)
         other = shapes_of(site.plant, site.station, self.other)
         scene_graph = site.plant.scene_graph
@@ -134,7 +150,11 @@ class Force(ShapeSensor):
 
     @model_validator(mode="after")
     def _check_rate(self) -> "Force":
-        """Check that a sensor with errors has a rate: its errors are those of samples."""
+        """Check that a sensor with errors has a rate: its errors are those of samples.
+
+        Raises:
+            ValueError: it has none.
+        """
         if self._has_errors and self.rate is None:
             raise ValueError(
                 message(
@@ -145,7 +165,15 @@ class Force(ShapeSensor):
         return self
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that its bodies and its frame exist, and that the station computes contacts."""
+        """Check that its bodies and its frame exist, and that the station computes contacts.
+
+        Args:
+            key: key of the sensor in the station, such as ``sensors.foot``, for errors.
+            station: contents of the station.
+
+        Raises:
+            SimrobError: a body or the frame does not exist, the station is kinematic, or it has no section ``contact``.
+        """
         check_body(station, f"{key}.body", self.body)
         if self.other is not None:
             check_body(station, f"{key}.other", self.other)
@@ -164,7 +192,16 @@ class Force(ShapeSensor):
         check_contact(key, message("parts.a_force_sensor", "a force sensor"), station)
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``force.<sensor>`` (3) [N] and ``moment.<sensor>`` (3) [N·m]."""
+        """Add ``force.<sensor>`` (3) [N] and ``moment.<sensor>`` (3) [N·m], in the axes of the sensor's frame.
+
+        Args:
+            builder: builder of the diagram.
+            site: the station under construction.
+            name: name of the sensor.
+
+        Raises:
+            InvalidParameter: a body has no collision shapes.
+        """
         frame = frame_of(site.plant, self.frame)
         body = shapes_of(site.plant, site.station, self.body)
         other = None if self.other is None else shapes_of(site.plant, site.station, self.other)
@@ -189,6 +226,7 @@ class Force(ShapeSensor):
         # If the contact results lack friction, it is added after the run, or the result says that it is missing.
         # All shapes of the sensor's body belong to one model, so the model of one is that of all.
         tangential = self._tangential_source(site, body[0])
+        # The station has made the note of each sensor before it wires the sensor.
         site.outputs.notes[name]["tangential"] = tangential
         title = message("parts.contact_force_of", "contact force '{name}'", name=name)
         if tangential != "contact":
@@ -215,17 +253,19 @@ class Force(ShapeSensor):
     def _add_samples(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
         """Add the block that samples a wrench (6), if the sensor has a rate, and return the port of its result.
 
+        Without a rate it is the port of the true wrench.
+
         Args:
             builder: builder of the diagram.
             name: name of the block.
-            wrench: the true wrench.
+            wrench: port of the true wrench: force [N], then moment [N·m].
         """
         if self.rate is None or not self._has_errors:
             return add_sample_and_hold(builder, name, wrench, self.rate)
         return add_and_connect(builder, name, MeasuredWrench(self, self.rate), wrench)
 
     def _tangential_source(self, site: Site, shape: GeometryId) -> Tangential:
-        """Choose the source of the force along the surfaces, for a sensor at a shape."""
+        """Choose the source of the force along the surfaces (see `Tangential`), for a sensor at a shape."""
         if site.station.engine.reports_friction_of_contacts:
             return "contact"
         plant = site.plant.plant
@@ -248,7 +288,10 @@ class MeasuredWrench(SampledBlock):
     """
 
     def __init__(self, section: Force, rate: float) -> None:
-        """Create the block of a section, with a sampling rate [Hz]."""
+        """Create the block of a section, with a sampling rate [Hz].
+
+        The rate is that of the section, which is not None here.
+        """
         memory = {"wrench": np.zeros(6), "count": np.zeros(1)}
         delay = round(section.delay * rate)
         super().__init__(
@@ -265,7 +308,15 @@ class MeasuredWrench(SampledBlock):
         self.seed = section.seed
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the measured wrench at this sample. The base class delays it."""
+        """Compute the measured wrench at this sample. The base class delays it.
+
+        Args:
+            memory: memory before the sample.
+            read: inputs of the block.
+
+        Returns:
+            The new values of the memory.
+        """
         # The noise of a sample is drawn from its number, so it is the same in every run with the same seed.
         count = int(memory["count"].item())
         noise = self._noise * normal_noise(self.seed, count, 6)
@@ -274,7 +325,7 @@ class MeasuredWrench(SampledBlock):
 
 
 def _contacts_port(builder: DiagramBuilder, site: Site) -> OutputPort:
-    """Port of the plant's contacts. The first call adds the block that reads them for all sensors."""
+    """Find the port of the plant's contacts. The first call adds the block that reads them for all sensors."""
     # The block of another engine gives contacts that need no reading.
     if site.plant.stand_in is not None:
         return site.plant.stand_in.get_contact_results_output_port()
@@ -361,7 +412,7 @@ class MomentumBalance:
         Returns:
             The whole forces, shape (m, 3) [N], in the sensor's frame.
         """
-        # Without a step there is no change of momentum.
+        # Without a step there is no change of momentum, and the friction is left out.
         if len(recorded.step_times) < 2:
             return forces
         timed_contacts = self._contacts_at(recorded, times)
@@ -382,7 +433,7 @@ class MomentumBalance:
         return np.asarray(forces + np.einsum("mji,mj->mi", rotations, friction))
 
     def _contacts_at(self, recorded: Recorded, times: Vector) -> _TimedContacts:
-        """Read the contacts at times (m,) [s] of a run."""
+        """Read the contacts at times (m,) [s] of a run. A second call for the same times finds them in its memo."""
         # The bytes of the times: an array cannot be the key of a mapping.
         key = ("contacts", times.tobytes())
         if key not in recorded.memo:
@@ -405,7 +456,7 @@ class MomentumBalance:
         contacts = timed_contacts.contacts
 
         def sum_by_time(values: Vector) -> Vector:
-            """Add up values of contacts (k,) for each time, shape (m,)."""
+            """Add up values of contacts (k,) for each time, shape (m,). The sum is 0 at a time without contacts."""
             return np.asarray(
                 np.bincount(timed_contacts.rows, values, len(model_forces)), dtype=float
             )
@@ -416,6 +467,7 @@ class MomentumBalance:
         normal_forces = signs[:, np.newaxis] * contacts.normal_forces
         sizes = np.linalg.norm(normal_forces, axis=1)
         model_load = sum_by_time(sizes)
+        # The sign is 0 for contacts that the sensor does not measure.
         sensor_load = sum_by_time(sizes * np.abs(contacts.force_signs(self._body, self._other)))
 
         # The mean normal n of the contacts of a time, and the force across it: f - (f n) n.
@@ -441,8 +493,10 @@ class MomentumBalance:
         """
         plant = self._plant
         step_times = recorded.step_times
-        # Each time is within the step that ends at the index `ends`. The first step has no step before it.
+        # Each time is within the step from the index `ends` - 1 to `ends` of the step times; the start of the run
+        # belongs to the first step.
         ends = np.clip(np.searchsorted(step_times, times, side="left"), 1, len(step_times) - 1)
+        # The momenta are only computed at the ends of these steps; the other entries of the array are not read.
         needed = np.unique(np.append(ends, ends - 1))
         (states,) = recorded.sample([self._state], step_times[needed])
 
