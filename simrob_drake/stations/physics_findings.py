@@ -102,7 +102,8 @@ def _weightless_findings(ports: StationPorts) -> list[Finding]:
 def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
     """Warn, for each gripper, if it does not hold pieces by the friction that the station's file gives.
 
-    The reason is the contact model or the solver, which are the same for all grippers of a station.
+    The reason is the contact model or the solver, which are the same for all grippers of a station. A robot has a
+    gripper if its description names fingers.
     """
     problem = ""
     if config.contact is None:
@@ -134,6 +135,9 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
 
 def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
     """Warn if bodies touch at single points although extended surfaces would touch in reality.
+
+    There is at most one finding: about rigid bodies in hydroelastic contact (pressure over surfaces), or about a free
+    piece with a flat side in point contact.
 
     Args:
         config: configuration of the station.

@@ -1,4 +1,9 @@
-"""The servos of a station's robots: gains, limits and motors, of the station, the robot's own file and its URDF."""
+"""The servos of a station's robots: gains, limits and motors, of the station, the robot's own file and its URDF.
+
+A robot has n axes. A *passive* axis has no motor, and so no servo. The *line* of a motor describes how its torque falls
+with its speed: from the *stall torque* at rest to zero at the speed without load. *Drives* are the rotors, gears,
+friction and backlash of the axes. Values that a user *states* are those in the station's file.
+"""
 
 from typing import Any
 
@@ -22,7 +27,7 @@ _DRIVE_KEYS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_de
 
 
 def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
-    """Find the motor of each axis of a robot: the station's, else the robot's own, with all values filled in.
+    """Find the motor of each axis of a robot: that of the station, else the robot's own, with all values filled in.
 
     The entry of an axis is None if its servo has no model of a motor, or if the axis is passive.
 
@@ -71,6 +76,10 @@ def passive_axis(key: str, axis: str) -> Unsuitable:
 def check_drives(robot: RobotModel, drives: Drives) -> None:
     """Check that a station gives no parts of a motor to passive axes by their names.
 
+    Args:
+        robot: the robot, with the passive axes of the station.
+        drives: the section ``drives`` of the robot in the station.
+
     Raises:
         Unsuitable: a mapping gives a rotor, a gear or backlash to a passive axis.
     """
@@ -95,11 +104,12 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     """
     if servo.passive is None:
         return robot
-    own = robot.servo.torque_limit
+    own = robot.servo.torque_limit  # of the robot's own file
     # NaN stands for axes without a value.
     limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)
     if servo.torque_limit is not None:
         limits = robot.axis_vector(servo.torque_limit, LIMIT, limits)
+    # Largest torques by axis, as far as they are given.
     known = {
         axis: limit
         for axis, limit in zip(robot.axes, limits.tolist(), strict=True)
@@ -163,7 +173,7 @@ def _motor_of_urdf(robot: RobotModel, axis: int) -> Motor:
     """
     torque = float(robot.efforts[axis])
     speed = float(robot.speed_limits[axis])
-    # Two points define the line of a motor: effort at rest, and speed without torque.
+    # Two points define the line of a motor: effort at rest, and speed without torque. Missing values are infinite or 0.
     has_limits = np.isfinite([torque, speed]).all() and torque > 0
     if not has_limits:
         name = [*robot.axes][axis]
@@ -217,6 +227,9 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
     Args:
         motors: motor of each axis, or None.
         robot: the robot.
+
+    Returns:
+        mappings by axis for the keys of drives that at least one motor gives; the other keys are left out.
     """
     # A mapping without entries gives each axis the value NaN below.
     own_inertias = {} if robot.drives.rotor_inertia is None else robot.drives.rotor_inertia
@@ -342,7 +355,11 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
     Args:
         motors: motor of each axis, or None.
         limit: torque limits of the servos, shape (n,) [N·m or N].
-        dampers: whether the slopes are dampers of joints where the limit allows it.
+        dampers: whether the slopes are dampers of joints where the limit allows it: where it does not cut the line.
+
+    Returns:
+        stall torques, slopes of the lines, and the slopes that dampers represent, shape (n,) each. A slope is 0 for an
+        axis without a motor.
     """
     # Torque at rest [N·m or N] and speed without load [rad/s or m/s] of each axis; infinite without a motor.
     lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
@@ -360,9 +377,13 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     """Check that servos and solver can realize a robot's motors.
 
+    Only motors that actuators of the plant realize have bounds. Kinematic stations, and robots without motor models,
+    pass.
+
     Raises:
-        Unsuitable: the law of the servos has no motor.
-        InvalidParameter: a torque limit or a gain does not fit the motor in an actuator; names the key and its bound.
+        Unsuitable: the law of the servos cannot be combined with motors.
+        InvalidParameter: a torque limit or a gain does not fit the motor in an actuator; the message names the key and
+            its bound.
     """
     gains = robot.gains
     servo = config.servo_of(robot.name)

@@ -61,7 +61,8 @@ def step_findings(
 ) -> list[Finding]:
     """Compare the servos and stops of all robots with the steps of the solver.
 
-    A finding also warns if the torques of prescribed joints may be wrong under this solver.
+    A finding also warns if the torques of prescribed joints, which follow a given motion, may be wrong under this
+    solver.
 
     Args:
         config: configuration of the station.
@@ -81,8 +82,8 @@ def step_findings(
 def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
     """Compare the damping of a robot's servos, which are evaluated explicitly, with the steps of the solver.
 
-    Only the axis that needs the shortest steps is reported. The list is empty for continuous solvers with an implicit
-    scheme.
+    Only the axis that needs the shortest steps is reported, in one finding. The list is empty for continuous solvers
+    with an implicit scheme.
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
@@ -194,7 +195,7 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
-    """Find the likely cause of a run that diverged. Returns it in words."""
+    """Find the likely cause of a run that diverged. Returns a sentence, also if the cause is only a guess."""
     # A warning before the run is the best guess at why the run failed.
     warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
     if warnings:
@@ -418,7 +419,13 @@ def apply_solver(
 
 
 def set_solver(simulator: Simulator, config: StationConfig) -> None:
-    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`."""
+    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`.
+
+    Nothing is changed for a kinematic station, or if the section ``solver`` is no continuous solver.
+
+    Raises:
+        UnsupportedSolver: the scheme ``cenic`` with a plant that is not a direct part of the root diagram.
+    """
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
     solver = config.solver
