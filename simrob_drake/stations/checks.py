@@ -284,7 +284,7 @@ def _jump_findings(
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
-    """Warn of torque limits in the robot's file that are too large for the masses of the links.
+    """Warn of torque limits of revolute joints in the robot's file that are too large for the masses of the links.
 
     Nothing is checked if the station sets torque limits for the robot's servos, or if any axis has a motor model.
     """
@@ -338,6 +338,10 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
     """Describe a motor: its torques, its speed and the source of these numbers.
 
     The torque falls along a line from standstill to the speed without load. The current may limit it further.
+
+    Args:
+        motor: the motor, with its values at the joint.
+        unit: units of the axis, for the text.
     """
     stall_torque, no_load_speed = motor.line
     text = message(

@@ -197,7 +197,16 @@ def _support_points(
     robot: StationRobot,
     context: Context,
 ) -> list[SupportPoints]:
-    """Find the points on which a robot may stand: of its feet or, if it has none, of all its collision shapes."""
+    """Find the points on which a robot may stand: the lowest points of its feet or, if it has none, of all its shapes.
+
+    Args:
+        station: the plant with the robot, and the ground.
+        robot: the robot.
+        context: context of the plant with the robot's positions.
+
+    Returns:
+        an entry for each foot or collision shape, with its points in the world; empty without feet and shapes.
+    """
     if robot.feet is None:
         shapes = shape_points(station, robot, context)
         return [SupportPoints(shape.body.body_frame(), shape.points) for shape in shapes]

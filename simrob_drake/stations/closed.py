@@ -210,7 +210,12 @@ def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
 
 
 def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
-    """Create the error for blocks that Drake cannot build into a diagram, with the likely cause."""
+    """Create the error for blocks that Drake cannot build into a diagram, with the likely cause.
+
+    Args:
+        ports: ports of the station, with the user's own blocks by name.
+        problem: error of Drake when the diagram was built.
+    """
     # Drake has no class for this error: its text is the only sign.
     was_built_before = "been built into a different Diagram" in str(problem)
     cause = message("stations.signals_in_circle", "signals must not form an algebraic loop")

@@ -277,8 +277,14 @@ def _write_modulus(
 ) -> None:
     """Write the hydroelastic modulus into the properties of a shape.
 
-    A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file keeps its
-    own modulus if the material gives none; all other shapes get MODULUS then.
+    A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file gets the
+    modulus of the material, or keeps its own if the material gives none. Any other shape becomes compliant, with the
+    modulus of the material, or MODULUS if the material gives none.
+
+    Args:
+        properties: properties of the shape, which are changed.
+        material: material of the shape.
+        contact: section ``contact`` of the station, for the size of the surface's facets.
     """
     if not _is_hydroelastic(properties):
         AddCompliantHydroelasticProperties(

@@ -498,9 +498,10 @@ def balls_of_cylinder(
     for side, angle in product((-1.0, 1.0), angles):
         centre = np.array([across * np.cos(angle), across * np.sin(angle), side * height])
         balls.append(ContactBall(centre, small))
+    # In a shorter cylinder, balls of its radius would protrude from both end faces.
     if half_length > radius:
         for side in (-1.0, 1.0):
-            # The sphere of the cylinder's radius touches the end face from inside there.
+            # A ball of the cylinder's radius touches the end face from inside there.
             centre = np.array([0.0, 0.0, side * (half_length - radius)])
             balls.append(ContactBall(centre, radius + protrusion))
     return balls

@@ -261,6 +261,7 @@ def _with_prescribed(robot: ResolvedRobot, reference: Reference) -> Reference:
     # Each row of the matrix selects one of the sources: the robot's n positions, then the imposed motions.
     count = len(robot.axes)
     sources = [reference, *robot.prescribed.values()]
+    # At first the positions of the reference, without the imposed motions.
     matrix = np.hstack([np.eye(count), np.zeros((count, len(robot.prescribed)))])
     for number, axis in enumerate(robot.prescribed):
         matrix[axis] = 0.0

@@ -176,7 +176,7 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     # Lengths of the first chain of each group, as by chain_lengths.
     lengths_of_groups = list[Vector]()
     for body, axes in ends_of(clearance, robot):
-        if len(axes) < 2:
+        if len(axes) < 2:  # such a body could not be put at a given point of the ground
             continue
         links = [robot.joints[axis].child_body() for axis in axes]
         lengths = chain_lengths(clearance, robot, axes)
@@ -187,7 +187,7 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
             if has_equal_count and has_any_equal_length(lengths, group_lengths, _LENGTH_TOLERANCE):
                 group.append(leg)
                 break
-        else:
+        else:  # no group has a chain that equals this one
             groups.append([leg])
             lengths_of_groups.append(lengths)
     return groups

@@ -105,8 +105,10 @@ def load_station(
         mesh_path: further folders from which files, meshes and packages may be read.
 
     Raises:
-        UnknownName: there is no such station, robot or piece.
-        InvalidConfig: an entry is invalid; the message names file or override, key and what would be right.
+        UnknownName: the package has no station of this name.
+        InvalidConfig: there is no such file, or an entry is invalid, such as the name of a robot that does not exist;
+            the message names file or override, key and what would be right.
+        InvalidParameter: an argument has a wrong type.
     """
     where: Path | str
     if isinstance(station, Mapping):

@@ -3,6 +3,10 @@
 ``simrob check`` prints these findings, and every result repeats the warnings. They concern what a run cannot show by
 itself: settings without an effect, steps too long for a servo, contacts that are not as the shapes suggest. What a run
 does show, such as a joint that sags, is judged by its verdict.
+
+A *finding* is a text for the user about one subject; its level is ``warning``, ``note`` or ``ok``. In a *kinematic*
+station the robots follow their references exactly, and nothing moves by forces. *Contact points* are small balls at the
+corners of flat bodies, which a station can add in point contact.
 """
 
 from collections.abc import Mapping

@@ -422,7 +422,7 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
 
 
 def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityProperties:
-    """Create the contact properties of a floor.
+    """Create the contact properties of a floor: hydroelastic ones if the station's contact needs them, and friction.
 
     Args:
         config: the station.
@@ -430,6 +430,7 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
     """
     surface = ProximityProperties()
     if config.contact is not None and config.contact.model != "point":
+        # 1.0 is the length of edges into which round shapes are divided [m], which has no effect on planes and boxes.
         if modulus is None:
             # A compliant box on a compliant one would fall back to points.
             AddRigidHydroelasticProperties(1.0, surface)

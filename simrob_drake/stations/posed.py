@@ -68,7 +68,7 @@ class PosedStation:
         add(builder, self.station)
         self._diagram = build_diagram(builder)
         self._root_context = self._diagram.CreateDefaultContext()
-        own_context = self.plant.CreateDefaultContext()
+        own_context = self.plant.CreateDefaultContext()  # of the plant alone
         is_plant_in_diagram = is_dynamic and self.station.stand_in is None
         if is_plant_in_diagram:
             self.context = self.plant.GetMyMutableContextFromRoot(self._root_context)

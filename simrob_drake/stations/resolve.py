@@ -200,7 +200,7 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _check_engine(config: StationConfig) -> None:
-    """Check that the engine of a station supports what the station contains.
+    """Check that the engine of a station supports its contact model, its prescribed joints and its couplings.
 
     Raises:
         InvalidParameter: the engine does not support the contact model, prescribed joints, or a coupling.
@@ -217,7 +217,9 @@ def _check_engine(config: StationConfig) -> None:
             engine=engine.name,
         )
         raise InvalidParameter("contact.model", config.contact.model, expected)
-    refused = dict[str, list[str]]()
+    refused = dict[
+        str, list[str]
+    ]()  # by the key of a section, the entries that the engine does not support
     if not engine.has_prescribed_joints:
         refused["prescribed"] = list(config.prescribed)
     if not engine.has_forces_of_couplings:
@@ -307,11 +309,11 @@ def _ground(
 
     Args:
         floor: the floor, or None if the station has no floor.
-        contact: model of contact, or an empty text without contact.
+        contact: model of contact, such as ``point``, or an empty text without contact.
         pieces: the station's pieces, each after its parent.
 
     Raises:
-        InvalidParameter: soft terrain with point contact.
+        InvalidParameter: the floor has soft terrain, but contact is at points.
     """
     boxes = tuple(_fixed_boxes(pieces))
     if floor is None:

@@ -33,15 +33,17 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
 
     Raises:
         UnknownName: there is no motor or no axis of that name.
-        InvalidParameter: a motor has no torque at rest or no speed without load, also not from the limits of the URDF,
-            or a supply is given without the voltage or current at which the motor's values hold.
-        Unsuitable: the station names a motor for a passive axis.
+        InvalidParameter: a motor takes its values from the URDF, which does not limit both effort and velocity, or a
+            supply is given without the voltage or current at which the motor's values hold.
+        Unsuitable: a motor has no torque at rest or no speed without load, or the station names a motor for a passive
+            axis.
     """
+    # One motor for all axes, a mapping by axis, or None: the name of a motor, or its values.
     choice = robot.servo.motor if servo.motor is None else servo.motor
     found: list[Motor | None] = [None] * len(robot.axes)
     if choice is None:
         return found
-    # One choice for all axes, or one for each axis that a mapping names.
+    # Axes that a mapping leaves out have no model of a motor.
     by_axis = choice if isinstance(choice, dict) else dict.fromkeys(robot.axes, choice)
     passive = _passive_indices(robot, servo)
     for axis, own in by_axis.items():
@@ -147,6 +149,7 @@ def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor 
     # The user may remove a motor that the robot's own file names.
     if stated.model == NO_MOTOR:
         return None
+    # The motor that is named, whose values are replaced below by those that are stated.
     if stated.model == OF_URDF:
         base = _motor_of_urdf(robot, axis)
     elif stated.model is None:
@@ -323,6 +326,7 @@ def _check_passive(robot: RobotModel, servo: ServoConfig) -> None:
         Unsuitable: the law needs motors on all axes, or a mapping gives a value above 0 to a passive axis.
     """
     names = robot.passive_axes
+    # Keys with which every axis needs a motor: their value as a text, which is empty if the station does not use them.
     needs_motors = {
         "servo.law": servo.law if servo.law != "pid" else "",
         "servo.admittance_gain": f"{servo.admittance_gain:g}" if servo.admittance_gain > 0 else "",

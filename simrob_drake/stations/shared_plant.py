@@ -1,7 +1,8 @@
 """A plant of the user's own in which stations stand: a record of what they have added, and checks whether one suits it.
 
 A plant has one gravity, one time step and one contact model, and a simulation has one solver. A station that needs
-others is refused, with the call that would make the plant suit it.
+others is refused, with the call that would make the plant suit it. *Contact points* are small balls at the corners and
+edges of flat bodies, which touch other shapes in place of the flat shapes themselves.
 """
 
 from collections.abc import Sequence

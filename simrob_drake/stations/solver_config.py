@@ -1,4 +1,8 @@
-"""The sections ``solver``, ``contact`` and ``verdict`` of a station's file."""
+"""The sections ``solver``, ``contact`` and ``verdict`` of a station's file.
+
+A *scheme* is an integrator or a discrete solver of Drake, by its name. An `Engine` describes what a scheme, or an engine
+of an extension, can do: other modules read its properties and compare no names of schemes.
+"""
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
@@ -220,7 +224,7 @@ class Friction(Strict):
         """Check that the coefficient of sliding is not above that of sticking.
 
         Raises:
-            ValueError: it is above.
+            ValueError: the coefficient of sliding is above.
         """
         # A body that begins to slide would otherwise be held back more than before.
         if self.dynamic > self.static:

@@ -143,6 +143,7 @@ class Stances:
         home = self.as_it_is()
         groups = legs_of(self._clearance, self._robot)
         if home is not None:
+            # The links that may touch the ground: the ends of all chains or, without legs, the root link, too.
             feet = {body.name() for body, _ in ends_of(self._clearance, self._robot)}
             if not groups:
                 feet.add(self._robot.root.body().name())

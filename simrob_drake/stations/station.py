@@ -385,7 +385,12 @@ def _with_prefix(name: str, system: str) -> str:
 
 
 def _check_name(name: object) -> None:
-    """Check the name of a station in a diagram; raises InvalidParameter: a text that cannot be a prefix of names."""
+    """Check the name of a station in a diagram, which becomes a prefix of names.
+
+    Raises:
+        InvalidParameter: the name is no text, or has other characters than letters, digits, ``_`` and ``-``. An empty
+            name is allowed.
+    """
     is_name = isinstance(name, str) and (not name or re.fullmatch(r"[A-Za-z_][\w-]*", name))
     if not is_name:
         expected = message(
@@ -403,11 +408,12 @@ def _check_clash(known: Sequence[str], added: Sequence[str], name: str) -> None:
         name: name of the station in the diagram, or an empty text.
 
     Raises:
-        SimrobError: the names that are taken.
+        SimrobError: a name is taken; the message lists such names.
     """
     taken = sorted(set(known) & set(added))
     if not taken:
         return
+    # An error with hundreds of names would hide its remedy.
     listed = ", ".join(taken[:_MOST_NAMES]) + (" ..." if len(taken) > _MOST_NAMES else "")
     raise SimrobError(
         message(

@@ -1,4 +1,7 @@
-"""Values in force of keys that a station leaves out: they come from the files of its robots, motors and pieces."""
+"""Values in force of keys that a station leaves out: they come from the files of its robots, motors and pieces.
+
+A key is *dotted*: ``servo.kp`` is the key ``kp`` in the section ``servo``. Values have the units of their keys.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
