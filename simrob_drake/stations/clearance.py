@@ -245,7 +245,8 @@ def _contact_distances(
 ) -> dict[str, float]:
     """Compute for each link with contacts their smallest distance from its joint, as a part of the link's length.
 
-    The result is `Standing.carrying_links`.
+    The length is the distance of the farthest point of the link's shapes from the joint. The root link, and a link
+    without shapes, get 1. The result, by the name of the link, is `Standing.carrying_links`.
     """
     by_link: dict[str, list[StandingContact]] = {}
     for contact in contacts:

@@ -115,7 +115,10 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
 
 
 def _measure(clearance: Clearance, references: Mapping[str, Reference]) -> _Measurements:
-    """Set the robots to postures along their references, and measure heights and collisions in each posture."""
+    """Set the robots to postures along their references, and measure heights and collisions in each posture.
+
+    A robot without a reference stays in its start posture.
+    """
     # All references are sampled at the same times. Without references, only the start is checked.
     times = np.zeros(1)
     postures = {}

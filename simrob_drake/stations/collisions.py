@@ -292,7 +292,7 @@ class CollisionPolicy:
         before = self._posed.plant.GetPositions(self._posed.context)
         # A fixed seed, so that the pairs are always the same.
         random = np.random.default_rng(0)
-        counts = Counter[Bodies]()  # count of postures in which two links overlap
+        counts = Counter[Bodies]()  # for each pair, the count of postures in which it overlaps
         robot_of: dict[Bodies, str] = {}
         for _ in range(_SAMPLES):
             postures = {

@@ -152,7 +152,8 @@ def add_contact_points(
     """Register the balls of a station's flat shapes in the plant, before the plant is finalized. Returns these balls.
 
     Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
-    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots.
+    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots. Otherwise, and if
+    the station does not use contact points, the result is empty.
 
     Args:
         plant: the plant with all robots and pieces, not finalized.
@@ -170,7 +171,7 @@ def add_contact_points(
     if not free:  # nothing rests on a face, and balls would only cost time
         return points
     supports = [shape for shape in flat if owners.is_support(shape)]
-    # The stiffest demand: balls that carry the heaviest body carry all others.
+    # The heaviest body presses balls in deepest: balls that are large enough for it suit all others.
     heaviest = max(owners.moved_mass(shape) for shape in free)
     load = heaviest * abs(station.config.gravity)
     for shape in [*free, *supports]:

@@ -126,6 +126,7 @@ def draft_station(
     if is_description:
         _check_floating_base(robot, file)
     elif _falls_through(robot):
+        # Imported again, with a fixed root in place of the floating one.
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         reason = message(

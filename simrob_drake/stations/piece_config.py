@@ -1,6 +1,7 @@
 """The section ``pieces`` of a station: single pieces, and many copies of a piece at random poses.
 
-A *pose* is x y z [m] and three angles Rz Ry Rx [rad], with the rotation R = Rz(rz) Ry(ry) Rx(rx). A *free* piece is moved by gravity and contact only; other pieces are mounted on a *parent*.
+A *pose* is x y z [m] and three angles Rz Ry Rx [rad], with the rotation R = Rz(rz) Ry(ry) Rx(rx). A *free* piece is
+moved by gravity and contact only; other pieces are mounted on a *parent*.
 """
 
 from collections.abc import Mapping

@@ -266,7 +266,8 @@ def servo_gains(
     Args:
         robot: the robot, with the passive axes of the station.
         servo: the section ``servo`` of the robot.
-        dampers: whether the lines of motors are dampers of joints where they can be, as actuators need it.
+        dampers: whether dampers of the plant's joints represent the fall of the motors' torques with speed, where the
+            torque limits allow this.
 
     Raises:
         InvalidParameter: a value does not fit the law of the servos.

@@ -1,7 +1,7 @@
 """The sections ``solver``, ``contact`` and ``verdict`` of a station's file.
 
-A *scheme* is an integrator or a discrete solver of Drake, by its name. An `Engine` describes what a scheme, or an engine
-of an extension, can do: other modules read its properties and compare no names of schemes.
+A *scheme* is an integrator or a discrete solver of Drake, by its name. An `Engine` describes what a scheme, or an
+engine of an extension, can do: other modules read its properties and compare no names of schemes.
 """
 
 from abc import ABC, abstractmethod

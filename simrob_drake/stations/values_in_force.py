@@ -163,7 +163,7 @@ def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[
     has_own_shapes = (
         section.mesh is not None or section.shapes or section.model_fields_set & set(FORMS)
     )
-    # Mass properties follow from the shapes if the station gives a density, or shapes of its own.
+    # Mass properties follow from the shapes if the station gives a density or a mass, or shapes of its own.
     is_computed = has_own_shapes or section.density is not None or section.mass is not None
     for key in _PIECE_KEYS:
         if getattr(section, key) is not None:
@@ -175,7 +175,7 @@ def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[
             value = _round_value(value)
         if key in _MASS_KEYS and is_computed:
             yield key, ValueInForce(value, "shapes")
-        elif not has_own_shapes:
+        elif not has_own_shapes:  # a piece of the station's own shapes has no file
             yield key, ValueInForce(value, "piece")
 
 
