@@ -113,7 +113,7 @@ class KeyLosses:
             )
 
     def warn(self) -> None:
-        """Issue each recorded warning once."""
+        """Issue the recorded warnings, equal ones once."""
         # A dict drops repeated texts and keeps their order.
         for text in dict.fromkeys(self.texts):
             warnings.warn(text, KeysLeftOut, stacklevel=2)

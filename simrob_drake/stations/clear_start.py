@@ -294,10 +294,8 @@ class ClearStart:
     def _load(self) -> float:
         """Compute the largest share of its torque limit that any motor needs to hold the posture that was set last.
 
-        The limits are those of the robot's file.
-
-        The share is 0 if the motors need not hold the robot. Passive axes do not count: they have no motor, and hold no
-        posture.
+        The limits are those of the robot's file. The share is 0 if the motors need not hold the robot. Passive axes do
+        not count: they have no motor, and hold no posture.
         """
         driven = ~self._robot.gains.passive
         if not self._torque or not driven.any():

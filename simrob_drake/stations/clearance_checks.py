@@ -351,7 +351,7 @@ def _contact_finding(
         clearance: the station.
         subject: the bodies that the finding is about.
         text: describes the collision.
-        remedy: tells the user what to change.
+        remedy: what the user may change, for a warning.
         is_own: whether both bodies belong to the same robot.
     """
     contact = clearance.config.contact

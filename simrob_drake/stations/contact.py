@@ -89,7 +89,8 @@ def apply_materials(
         shapes: collision shapes of the station.
 
     Raises:
-        InvalidParameter: the resolution is too fine, or a piece that meets others at points does not fit the model.
+        InvalidParameter: the resolution is too fine, or a piece has the contact model ``point``, which only the
+            station's models ``point`` and ``hydroelastic_with_fallback`` allow.
     """
     config = station.config
     contact = config.contact

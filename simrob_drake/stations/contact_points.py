@@ -152,8 +152,8 @@ def add_contact_points(
     """Register the balls of a station's flat shapes in the plant, before the plant is finalized. Returns these balls.
 
     Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
-    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots. Otherwise, and if
-    the station does not use contact points, the result is empty.
+    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots. Otherwise, and
+    if the station does not use contact points, the result is empty.
 
     Args:
         plant: the plant with all robots and pieces, not finalized.

@@ -75,10 +75,10 @@ def _controller_findings(config: StationConfig, ports: StationPorts) -> list[Fin
 
 
 def _weightless_findings(ports: StationPorts) -> list[Finding]:
-    """Report links without inertia in a kinematic station, whose weight the computed forces lack.
+    """Report links without inertia in a kinematic station, whose weight the computed torques do not include.
 
-    It is a warning for a robot with inertias, whose forces look right. If no link has one, all forces are zero, and
-    this is a note.
+    It is a warning for a robot of which other links have a mass: its torques look right, and are too small. If no link
+    has a mass, all torques are zero, and this is a note.
 
     Args:
         ports: the built station.

@@ -181,8 +181,8 @@ def place_station(
 
     Add everything that shall stand in the world, call ``plant.Finalize()``, and then :meth:`PlacedStation.wire` of each
     station, which adds its servos, sensors and monitors to the diagram. The plant must have the station's gravity, time
-    step and contact model; :func:`add_world` makes such a plant. The plant gets the station's speed of stiction and, for
-    a discrete solver, output ports that are computed anew from each state.
+    step and contact model; :func:`add_world` makes such a plant. The plant gets the station's speed of stiction and,
+    for a discrete solver, output ports that are computed anew from each state.
 
     Args:
         plant: the plant, not finalized.
