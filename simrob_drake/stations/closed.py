@@ -493,7 +493,7 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
         linear: whether straight lines join the samples; otherwise a smooth curve does.
 
     Raises:
-        InvalidParameter: the positions do not have one column for each axis.
+        InvalidParameter: the positions do not have one column for each axis, or times and positions make no trajectory.
     """
     # Users pass lists as well as arrays.
     positions = np.asarray(samples[1], dtype=float)

@@ -229,6 +229,7 @@ def _firmness(
         the firmness of each axis, in the order of the robot's axes.
     """
     config = station.config
+    # As the reference of the station's file gives the axes, unless another reference replaces it.
     firmness = config.reference_of(robot.name).firmness(robot.model)
     if is_requested:
         firmness = [Firmness.NAMED] * len(robot.axes)

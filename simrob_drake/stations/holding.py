@@ -403,7 +403,14 @@ def _payload_finding(
     payload: float,
     robot: StationRobot,
 ) -> Finding:
-    """Make the finding about the mass [kg] that a robot could carry: a warning if the mass is implausible."""
+    """Make the finding about the mass [kg] that a robot could carry in addition: a warning if it is implausible.
+
+    Args:
+        subject: title of the finding.
+        text: the finding in words.
+        payload: the mass [kg]; 0 if the motors do not hold the robot itself.
+        robot: the robot.
+    """
     # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already,
     # so the doubt that `payload_doubt` has about this case is not asked for.
     if payload > 0:

@@ -193,6 +193,8 @@ def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> Resolve
 def alone_on(robot: ResolvedRobot, axis: int) -> ResolvedRobot:
     """Copy a robot and leave it only one axis, so that a reference for a single axis can be made and checked with it.
 
+    Its axes and its initial positions are reduced to those of this axis; gains, motors and the like stay as they are.
+
     Args:
         robot: the robot.
         axis: index of the axis that remains.

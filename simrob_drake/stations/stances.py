@@ -169,7 +169,9 @@ class Stances:
             lengths: lengths to which the legs are bent, as fractions of their full length, in the order of trial.
         """
         self._place(self._home)
+        # The hips: origins of the first links of the legs, shape (legs, 3) [m].
         hips = np.array([self._origin(leg.links[0]) for leg in legs])
+        # Many random postures, so that one of them has the legs about outstretched.
         random = self._random.uniform(
             *posture_range(self._robot), (10 * _RANDOM_SEEDS, len(self._home))
         )

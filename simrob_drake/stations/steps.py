@@ -229,7 +229,7 @@ class StiffPart(NamedTuple):
 
     ratio: float  # stiffness divided by inertia [1/s²]
     limit: float  # largest ratio at which an implicit scheme does not creep [1/s²]
-    text: str  # description
+    text: str  # description: the beginning of a sentence, which goes on with "is so stiff that" or the like
 
 
 def _stiff_parts(
@@ -328,8 +328,8 @@ def stiffest(config: StationConfig, plant: StationPlant, context: Context) -> st
         context: context of the plant.
 
     Returns:
-        the description, such as "joint_2 moves 0.1 kg m², for which its servo (kp) of 1e+04 N·m/rad". It is empty if
-        the station has no robot.
+        the description, which is the beginning of a sentence, such as "joint_2 moves 0.1 kg m², for which its servo
+        (kp) of 1e+04 N·m/rad". It is empty if the station has no robot.
     """
     parts = []
     plant_positions = plant.plant.GetPositions(context)
