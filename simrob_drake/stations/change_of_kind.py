@@ -78,10 +78,10 @@ class KeyLosses:
     texts: list[str] = field(default_factory=list)
 
     def begin_new_kind(self, section: dict[str, Any], path: list[str], kind: str) -> None:
-        """Empty a section whose kind is about to change, and record a warning that names the dropped keys.
+        """Empty a section whose kind is about to change, and record a warning if keys are lost by this.
 
         The caller writes the new kind into the section. A section without a kind, or with the new kind already, stays
-        as it is.
+        as it is. Which keys count as lost depends on the attribute `counts_defaults`.
 
         Args:
             section: content of the section, which is changed.
@@ -113,7 +113,7 @@ class KeyLosses:
             )
 
     def warn(self) -> None:
-        """Issue each recorded warning once."""
+        """Issue the recorded warnings, equal ones once."""
         # A dict drops repeated texts and keeps their order.
         for text in dict.fromkeys(self.texts):
             warnings.warn(text, KeysLeftOut, stacklevel=2)
@@ -124,7 +124,10 @@ def _is_default(
     key: str,
     section_class: type[BaseModel] | None,
 ) -> bool:
-    """Whether a key of a section has its default value. Returns False if the section's class is not known (None)."""
+    """Whether a key of a section has its default value.
+
+    Returns False if the section's class is not known (None), or has no such key.
+    """
     if section_class is None or key not in section_class.model_fields:
         return False
     declared = section_class.model_fields[key]
@@ -136,14 +139,16 @@ def _is_default(
 
 
 def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
-    """Find the class of a section by its path of keys and its kind. Returns None if the class is not known."""
+    """Find the class of a section by its path of keys and its kind.
+
+    Returns None if sections at this path have no kinds, or if no class of this kind is installed.
+    """
     if path == ["solver"]:
         kinds = SOLVERS
     elif _is_entry(path):
         kinds = _ENTRY_KINDS[path[0]]
-    elif (
-        path[-1] == "reference"
-    ):  # of the only robot or, as robots.<name>.reference, of one of several
+    elif path[-1] == "reference":
+        # The reference of the only robot or, as robots.<name>.reference, of one of several.
         kinds = references.KINDS
     else:
         return None
@@ -154,12 +159,16 @@ def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
 def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Combine earlier settings of a station with later ones, which replace them.
 
-    A change of a section's kind drops the earlier settings of that section, which were made for its old kind. A new
-    number for all axes, such as ``servo.kp``, drops earlier numbers of single axes, such as ``servo.kp.joint_2``.
+    A later setting of a section's kind drops the earlier settings of that section, which were made for its old kind. It
+    drops nothing if the earlier settings give the same kind already. A new number for all axes, such as ``servo.kp``,
+    drops earlier numbers of single axes, such as ``servo.kp.joint_2``.
 
     Args:
         settings: earlier settings, by dotted key such as ``reference.duration``.
         changes: later settings, by dotted key.
+
+    Returns:
+        the combined settings, by dotted key. The arguments stay as they are.
     """
     kept = dict(settings)
     for key, value in changes.items():

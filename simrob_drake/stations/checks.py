@@ -2,6 +2,11 @@
 
 The result is a list of findings. A finding is a text for the user about one subject: a warning, a note, or that
 something is in order. The ports of a station (`StationPorts`) hold its plant with the robots, and its configuration.
+
+A *reference* gives the desired positions of a robot's axes over time. A *servo* moves each axis to its reference. Under
+a load, an axis *sags*: it rests a little off its reference. A *passive* axis has no motor, and so no servo. In a
+*kinematic* station (``engine.moves_by_forces`` is False) the robots follow their references exactly, without servos.
+The *verdict* is the section of a station with the bounds by which a run is judged.
 """
 
 import numpy as np
@@ -41,7 +46,12 @@ by about one degree."""
 
 
 def check_station(config: StationConfig) -> list[Finding]:
-    """Check a station before it runs: its pieces, then each robot, the couplings, the contacts and the signals.
+    """Check a station before it runs: its pieces, its robots, couplings, controllers, contacts, solver and signals.
+
+    The station is built for this, but not simulated.
+
+    Returns:
+        the findings, in the order in which ``simrob check`` prints them.
 
     Raises:
         SimrobError: the station cannot run; the message names the reason, such as a reference beyond a limit.
@@ -51,6 +61,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     ports = closed.ports
     robots = ports.plant.robots.values()
     findings = _piece_findings(ports)
+    # `closed.references` has no entry for a robot whose reference a controller computes.
     for robot in robots:
         findings += _reference_findings(config, robot, closed.references.get(robot.name))
         findings += _jump_findings(config, robot, closed.references.get(robot.name))
@@ -83,7 +94,10 @@ def check_station(config: StationConfig) -> list[Finding]:
 
 
 def _signal_finding(signal: Signal) -> Finding:
-    """Describe the columns that a signal of a sensor, piece or block adds to the results, with their units."""
+    """Describe the columns that a signal of a sensor, piece or block adds to the results, with their units.
+
+    Several columns are described by the first and the last one, such as ``imu.x … z``.
+    """
     columns = signal.names[0]
     if len(signal.names) > 1:
         # The names of several columns differ in their last word only, such as `x`, `y` and `z`.
@@ -99,7 +113,10 @@ def _signal_finding(signal: Signal) -> Finding:
 
 
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
-    """Compute the torques (n,) [N·m or N] that hold a robot still at a posture (n,) [rad or m]."""
+    """Compute the torques (n,) [N·m or N] that hold a robot still against gravity at a posture (n,) [rad or m].
+
+    Contacts do not count, so that the robot must be held by its root.
+    """
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
     # At rest tau + g(q) = 0 with gravity's generalized forces g, so the torques are -g.
@@ -121,7 +138,10 @@ def _piece_findings(ports: StationPorts) -> list[Finding]:
 
 
 def _mount_text(piece: ResolvedPiece) -> str:
-    """Describe where a piece is fixed: to the world, to a robot or to another piece, which a robot may carry."""
+    """Describe where a piece is fixed: to the world, to a robot or to another piece, which a robot may carry.
+
+    The text has the position of the piece's origin in the frame on which the piece is mounted [m].
+    """
     # Adding 0.0 turns -0.0 into 0.0.
     coordinates = [compound("{value:.4g}", value=value) for value in piece.pose.translation() + 0.0]
     text = message("stations.hangs_on", "mounted on {parent}", parent=piece.parent)
@@ -152,6 +172,10 @@ def _reference_findings(
         robot: the robot.
         reference: the robot's reference, or None if a controller leads the robot.
 
+    Returns:
+        a warning for each axis that is too fast. If there is none, one finding that all is in order, or that nothing
+        was examined, since the robot has no reference.
+
     Raises:
         InvalidParameter: the reference leaves the range of an axis.
     """
@@ -173,7 +197,8 @@ def _reference_findings(
     step = times[1]  # the samples are evenly spaced and begin at 0
     # Mean speeds between samples: |q_k+1 - q_k| / h, the largest one of each axis.
     speeds = np.abs(np.diff(positions, axis=0)).max(axis=0) / step
-    limits = robot.speed_limits
+    limits = robot.speed_limits  # [rad/s or m/s]; infinite for an axis without a limit
+    # Share of these limits that an axis may reach, such as 1.05; infinite if the verdict has no bound.
     allowed_share = bound_value(config.verdict.speed_share)
     findings = []
     for axis in np.flatnonzero(speeds > allowed_share * limits):
@@ -230,6 +255,7 @@ def _jump_findings(
         return []
     _, positions = reference_samples(reference, config.duration)
     first_positions = positions[0]
+    # Indices of the axes that begin away from their references, the farthest first.
     axes = axes_off_reference(robot, robot.initial, first_positions)
     if not axes.size:
         return []
@@ -258,11 +284,11 @@ def _jump_findings(
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
-    """Warn of torque limits in the robot's file that are too large for the masses of the links.
+    """Warn of torque limits of revolute joints in the robot's file that are too large for the masses of the links.
 
-    Limits and motors that the station gives are not checked.
+    Nothing is checked if the station sets torque limits for the robot's servos, or if any axis has a motor model.
     """
-    # With limits or motors of the station, the limits of the file have no effect.
+    # Then the limits of the file have no effect: those of the station or of the motors count.
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
     # Some files have an effort of 1000 N·m for a light wrist, which only says that there is no limit.
@@ -292,7 +318,10 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
 
 def _motor_findings(robot: StationRobot) -> list[Finding]:
-    """Describe the motors of a robot; axes with equal motors share one finding."""
+    """Describe the motors of a robot; axes with equal motors share one finding.
+
+    Axes whose motors have no model, only a torque limit, are left out.
+    """
     axes_by_text = dict[str, list[str]]()
     for axis, unit, motor in zip(robot.axes, robot.model.units, robot.motors, strict=True):
         if motor is not None:
@@ -309,6 +338,10 @@ def _motor_text(motor: Motor, unit: AxisUnit) -> str:
     """Describe a motor: its torques, its speed and the source of these numbers.
 
     The torque falls along a line from standstill to the speed without load. The current may limit it further.
+
+    Args:
+        motor: the motor, with its values at the joint.
+        unit: units of the axis, for the text.
     """
     stall_torque, no_load_speed = motor.line
     text = message(
@@ -431,7 +464,11 @@ def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
 
 
 def _balance_finding(robot: StationRobot, found: Standing) -> Finding:
-    """Check that the centre of mass of a robot that stands is well inside of the support area."""
+    """Check that the centre of mass of a robot that stands is well inside of the support area.
+
+    The support area is the convex hull of the points that carry the robot. The centre of mass must be so far inside
+    that the robot may lean by one degree.
+    """
     side = (
         message("stations.inside", "inside")
         if found.margin >= 0
@@ -487,6 +524,7 @@ def _standing_torque(
         torque: torque of the axis [N·m or N].
     """
     unit = robot.model.units[axis]
+    # A passive axis has neither a torque limit nor a servo that gives way.
     if robot.gains.passive[axis]:
         return _standing_on_passive(robot, axis, torque)
     # A motor gives less torque at speed. A robot that stands does not move, so the limit at rest counts.
@@ -579,7 +617,9 @@ def _contact_model_findings(ports: StationPorts) -> list[Finding]:
 def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     """Report the two bodies that overlap most at the start, in the default context of the station's diagram.
 
-    Returns one finding: a warning if they overlap by more than a touch, otherwise that it is in order.
+    Returns:
+        one finding: a warning if they overlap by more than a touch, otherwise that this is in order. For a station
+        without contact it is a note, and nothing is measured.
     """
     if ports.config.contact is None:
         text = message(

@@ -1,5 +1,8 @@
 """Search for a first posture and a first move of a robot that is held by its root, for the draft of a first station.
 
+A *start* is a first posture, the height of the root, and the target of a first move. A *posture* gives the positions of
+the robot's n axes, in rad or m. A *follower* is an axis that a coupling moves along with another axis, its leader.
+
 A start is clear if no body of the robot lies in the floor or too near to it, no link overlaps another one, and no motor
 needs more torque than it has to hold the posture. The search begins with the home posture of the robot, and with the
 same posture after its links were moved apart. It goes on to postures that differ from the latter in one axis, in two
@@ -167,16 +170,19 @@ class ClearStart:
             if index not in robot.model.fingers and name not in robot.model.followers:
                 self._axes.append(index)
         self._random_postures = self._draw_postures()
-        # Each body that moves has to be as high as the search requires, or as high as it can be: `_highest` is its
-        # greatest height in any of these postures.
+        # The k bodies of the robot with collision shapes.
         bodies = [
             clearance.plant.GetBodyByName(name, robot.instance) for name in clearance.lowest(robot)
         ]
+        # A fixed body belongs to the robot's base: no axis moves it.
         moves = np.array([not clearance.plant.IsAnchored(body) for body in bodies], dtype=bool)
+        # Heights of these bodies over the floor while the root is on it, in m postures, shape (m, k) [m].
         heights = np.array(
             [self._heights(posture) for posture in [self._home, *self._random_postures]]
         )
         self._place_root(heights, moves)
+        # Each body that moves has to be as high as the search requires, or as high as it can be: `_highest` is its
+        # greatest height in any of these postures, shape (k,) [m].
         self._highest = np.where(moves, heights.max(axis=0) + self.height, -np.inf)
         self._require_height(_OVER)
 
@@ -202,7 +208,9 @@ class ClearStart:
             moves: whether each of these bodies moves, shape (k,).
         """
         at_home = heights[0]
+        # The lowest point of the fixed bodies, or the root (0) if it is lower.
         base_height = float(at_home[~moves].min(initial=0.0))
+        # From the lowest to the highest of all bodies in all postures.
         reach = float(np.ptp(heights)) if heights.size else 0.0
         # The robot hangs if it reaches far below its root and its fixed bodies.
         self.hangs = bool(at_home.min(initial=0.0) < base_height - _HANGS * reach)
@@ -239,7 +247,10 @@ class ClearStart:
         return Start(posture, target, self.height, self._remarks(posture, target))
 
     def _with_less_faults(self, posture: Vector) -> Vector:
-        """Reduce the faults of a posture (n,) in steps; each step moves the axis that reduces the faults most."""
+        """Reduce the faults of a posture (n,) [rad or m]; each step moves the axis that reduces the faults most.
+
+        The steps end if no move of a single axis reduces the faults. Returns the best posture, which may have faults.
+        """
         for _ in range(_STEPS):
             neighbours = neighbouring_postures(self._robot, posture, self._axes)
             tried = [posture, *map(self._robot.model.with_followers, neighbours)]
@@ -254,10 +265,10 @@ class ClearStart:
         return sum(self._faults(posture))
 
     def _require_height(self, height: float) -> None:
-        """Require that all moving bodies are at least at a height over the floor [m], or as high as they can be.
+        """Set the height over the floor [m] that all moving bodies must have, or as much of it as they can have.
 
-        Sets the attribute `_required_heights`, with an entry for each body with shapes, shape (k,) [m], less the
-        rounding. It is -inf for a body that does not move.
+        The attribute `_required_heights` gets an entry for each of the k bodies with shapes, shape (k,) [m], less the
+        rounding. The entry is -inf for a body that does not move.
         """
         self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 
@@ -270,7 +281,7 @@ class ClearStart:
         return np.array(list(self._clearance.lowest(self._robot).values()))
 
     def _faults(self, posture: Vector) -> Faults:
-        """Set the robot to a posture (n,) [rad or m], and measure its faults."""
+        """Set the robot to a posture (n,) [rad or m], and measure its faults, with the root at its height."""
         # The heights are measured with the root at the origin: over the floor they are larger by the root's height.
         missing_heights = self._required_heights - self.height - self._heights(posture)
         overlaps = self._clearance.own_overlaps(self._robot, posture)
@@ -281,9 +292,10 @@ class ClearStart:
         )
 
     def _load(self) -> float:
-        """Compute the largest share of its torque that a motor needs to hold the posture that was set last.
+        """Compute the largest share of its torque limit that any motor needs to hold the posture that was set last.
 
-        The share is 0 if the motors need not hold the robot. Passive axes do not count: they hold no posture.
+        The limits are those of the robot's file. The share is 0 if the motors need not hold the robot. Passive axes do
+        not count: they have no motor, and hold no posture.
         """
         driven = ~self._robot.gains.passive
         if not self._torque or not driven.any():
@@ -322,6 +334,7 @@ class ClearStart:
         for _ in range(_TRIED):
             posture = self._reduced_home.copy()
             for axis in self._random.choice(self._axes, min(count, len(self._axes)), replace=False):
+                # The steps by which an axis may be moved, in m or rad.
                 steps = SLIDES if self._robot.model.prismatic[axis] else np.deg2rad(TURNS)
                 posture[axis] += self._random.choice(steps)
             posture = self._robot.model.with_followers(posture)
@@ -500,9 +513,11 @@ class ClearStart:
         return (*remarks, *self._remarks_on_move(posture, target))
 
     def _remarks_on_move(self, posture: Vector, target: Vector) -> list[str]:
-        """Write a sentence on the checks of the move from a posture (n,) to a target (n,) [rad or m]: faults, or none.
+        """Check the move from a posture (n,) to a target (n,) [rad or m] again, and write a sentence on the result.
 
-        Returns a list with one sentence, or an empty list if nothing was checked.
+        Returns:
+            a list with one sentence: the faults of the move, or what was checked and found to be good. The list is
+            empty if nothing was checked, since the robot has no shapes and needs no motors that hold it.
         """
         faults = list[Faults]()
         loads = list[float]()

@@ -1,8 +1,9 @@
 """Clearance of the robots in a station that is never simulated, and how the robots stand on the ground.
 
 The station is only posed: its robots are set to positions, and geometry is measured. A posture is a vector with the
-positions of one robot's axes. A robot stands on its lowest points, the contacts: of the shapes of its feet if its
-description has feet, otherwise of all its collision shapes.
+positions of one robot's n axes, in rad or m. A robot stands on its lowest points, the contacts: of the shapes of its
+feet if its description has feet, otherwise of all its collision shapes. The support area is the convex hull of these
+points, seen from above.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -129,12 +130,13 @@ def standing(
     candidates = _support_points(station, robot, context)
     if not candidates:
         return None
-    # Only the lowest points carry.
+    # The points of all links in one array, and the frame of the link for each point.
     points = np.vstack([support.points for support in candidates])
     frames = [support.frame for support in candidates for _ in support.points]
     # Heights are measured from the ground below each point, since a terrain or an incline is not level.
     heights = points[:, 2] - station.ground.beneath(points)
     gap = float(heights.min())
+    # Only the lowest points carry. These are their indices.
     carrying = np.flatnonzero(heights <= gap + _TOUCHING).tolist()
     contacts = [StandingContact(frames[index], points[index]) for index in carrying]
 
@@ -160,7 +162,15 @@ def shape_points(
 ) -> list[ShapePoints]:
     """Find the points of each collision shape of a robot that are lowest with respect to the floor, in the world.
 
-    The floor may be inclined: heights are measured along its normal.
+    The floor may be inclined: heights are measured along its normal. A ball has one lowest point, a box has several.
+
+    Args:
+        station: the plant with the robot, and the ground.
+        robot: the robot. The pieces that it carries are included.
+        context: context of the plant with the robot's positions.
+
+    Returns:
+        the points of each shape, with the shape's body; empty if the robot has no shapes.
     """
     plant = station.plant
     inspector = station.scene_graph.model_inspector()
@@ -187,7 +197,16 @@ def _support_points(
     robot: StationRobot,
     context: Context,
 ) -> list[SupportPoints]:
-    """Find the points on which a robot may stand: of its feet or, if it has none, of all its collision shapes."""
+    """Find the points on which a robot may stand: the lowest points of its feet or, if it has none, of all its shapes.
+
+    Args:
+        station: the plant with the robot, and the ground.
+        robot: the robot.
+        context: context of the plant with the robot's positions.
+
+    Returns:
+        an entry for each foot or collision shape, with its points in the world; empty without feet and shapes.
+    """
     if robot.feet is None:
         shapes = shape_points(station, robot, context)
         return [SupportPoints(shape.body.body_frame(), shape.points) for shape in shapes]
@@ -226,7 +245,8 @@ def _contact_distances(
 ) -> dict[str, float]:
     """Compute for each link with contacts their smallest distance from its joint, as a part of the link's length.
 
-    The result is `Standing.carrying_links`.
+    The length is the distance of the farthest point of the link's shapes from the joint. The root link, and a link
+    without shapes, get 1. The result, by the name of the link, is `Standing.carrying_links`.
     """
     by_link: dict[str, list[StandingContact]] = {}
     for contact in contacts:
@@ -256,7 +276,7 @@ def _holding_torque(
     """Compute the torques with which the joints hold a robot that stands at rest, shape (n,) [N·m or N].
 
     The contacts push upward. With their forces f, the rows J of their vertical Jacobian and the generalized forces g of
-    gravity, statics demands: torque = -(g + sum of f J).
+    gravity, statics demands: torque = -(g + sum of f J). The contacts (at least one) are the points that carry.
     """
     points = np.array([contact.point for contact in contacts])
     mass = plant.CalcTotalMass(context, [robot.instance])
@@ -358,8 +378,8 @@ class Clearance(PosedStation):
 
         Args:
             config: the station.
-            trusts_home: leave out links that touch in the home posture, see
-                :class:`CollisionPolicy`.
+            trusts_home: whether links of a robot that touch in its home posture never count as a collision. False if
+                the home posture itself is judged.
 
         Raises:
             InvalidModel: a robot cannot be built.
@@ -381,9 +401,9 @@ class Clearance(PosedStation):
         }
 
     def lowest(self, robot: StationRobot) -> dict[str, float]:
-        """Height of each body of a robot above the ground beneath the body [m], by the body's name.
+        """Height of the lowest point of each body of a robot above the ground beneath it [m], by the body's name.
 
-        Bodies without collision shapes are left out.
+        Bodies without collision shapes are left out. A height is negative if the point is below the ground.
         """
         heights: dict[str, float] = {}
         for body, points in shape_points(self.station, robot, self.context):
@@ -393,13 +413,16 @@ class Clearance(PosedStation):
         return heights
 
     def chains(self, robot: StationRobot) -> list[BodyChain]:
-        """Find the axes that move each body of a robot."""
+        """Find the axes that move each body of a robot, in the order in which the plant has the bodies.
+
+        The root link has no axes. Links on fixed joints, and carried pieces, are parts of the body that they are on.
+        """
         # The axis that moves each body directly, by the body's index.
         axis_of_body = {joint.child_body().index(): axis for axis, joint in enumerate(robot.joints)}
         chains = []
         for index in self.plant.GetBodyIndices(robot.instance):
             axes = list[int]()
-            inboard = index
+            inboard = index  # the body itself, then the bodies between it and the root
             while inboard in axis_of_body:
                 axis = axis_of_body[inboard]
                 # The search goes from the body inward, the result from the root outward.
@@ -472,6 +495,7 @@ def reduce_own_overlaps(
     }
 
     def total_depth(tried: Vector) -> float:
+        """Sum of the depths of all overlaps of the robot with itself in a posture (n,) [m]."""
         return sum(overlap.depth for overlap in clearance.own_overlaps(robot, tried))
 
     for _ in range(_MOST_STEPS):
@@ -479,8 +503,8 @@ def reduce_own_overlaps(
         if not overlaps:
             break
         first, second = overlaps[0].bodies
-        # An axis that moves both links does not change their overlap. Pieces that the robot carries have no entry:
-        # all axes of the other link are tried.
+        # The symmetric difference (^): an axis that moves both links does not change their overlap. Pieces that the
+        # robot carries have no entry: all axes of the other link are tried.
         between = axes_of_link.get(first, set()) ^ axes_of_link.get(second, set())
         tried = [posture, *neighbouring_postures(robot, posture, sorted(between & set(axes)))]
         best = min(tried, key=total_depth)

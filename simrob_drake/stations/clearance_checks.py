@@ -115,7 +115,10 @@ def clearance_findings(config: StationConfig, references: Mapping[str, Reference
 
 
 def _measure(clearance: Clearance, references: Mapping[str, Reference]) -> _Measurements:
-    """Set the robots to postures along their references, and measure heights and collisions in each posture."""
+    """Set the robots to postures along their references, and measure heights and collisions in each posture.
+
+    A robot without a reference stays in its start posture.
+    """
     # All references are sampled at the same times. Without references, only the start is checked.
     times = np.zeros(1)
     postures = {}
@@ -139,13 +142,17 @@ def _measure(clearance: Clearance, references: Mapping[str, Reference]) -> _Meas
 def _floor_findings(
     clearance: Clearance, robot: StationRobot, measured: _Measurements, when_checked: str
 ) -> list[Finding]:
-    """Find links of a robot that lie below the ground.
+    """Report how low the links of a robot reach: links below the ground, otherwise the link that is nearest to it.
 
     Args:
         clearance: the station.
         robot: the robot, fixed to the world.
         measured: heights of the links in the checked postures.
-        when_checked: text that tells the user at which postures the robot was checked.
+        when_checked: text that describes the checked postures, such as "at the start,".
+
+    Returns:
+        one finding about the moving links, after another one if fixed links are below the ground. It is a note if the
+        station has no floor, or if no moving link has a shape.
     """
     ground = clearance.station.ground
     subject = message("stations.floor_and", "floor and {robot}", robot=robot.name)
@@ -224,7 +231,7 @@ def _split_by_motion(
     robot: StationRobot,
     measured: _Measurements,
 ) -> _HeightsByMotion:
-    """Separate the heights of a robot's fixed links from those of its moving links."""
+    """Separate the heights of a robot's fixed links, such as its base, from those of its moving links."""
     plant = clearance.plant
     bodies = [plant.get_body(index) for index in plant.GetBodyIndices(robot.instance)]
     fixed_links = {body.name() for body in bodies if plant.IsAnchored(body)}
@@ -242,13 +249,16 @@ def _split_by_motion(
 def _self_findings(
     clearance: Clearance, robot: StationRobot, measured: _Measurements, when_checked: str
 ) -> list[Finding]:
-    """Find collisions between links of one robot.
+    """Report whether a robot collides with itself or with the pieces that it carries.
 
     Args:
         clearance: the station.
         robot: the robot.
         measured: the collisions of all bodies in the checked postures.
-        when_checked: text that tells the user at which postures the robot was checked.
+        when_checked: text that describes the checked postures, such as "at the start,".
+
+    Returns:
+        one finding, which also lists the pairs of links that never count as a collision.
     """
     subject = message("stations.links_of", "links of {robot}", robot=robot.name)
     left_out = _left_out_text(clearance, robot)
@@ -303,9 +313,13 @@ def _pairs_text(pairs: Collection[Bodies]) -> str:
 
 
 def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Finding]:
-    """Find collisions between bodies that do not belong to the same robot: robots, pieces, or a robot and a piece.
+    """Report collisions between bodies of different owners: robots, pieces, or a robot and a piece.
 
     Collisions with the floor are not among them; :func:`_floor_findings` measures the height of each link instead.
+
+    Returns:
+        one finding: the deepest collision, or that none is found. The list is empty if the station has only one robot
+        and no piece.
     """
     # A single body has nothing to collide with.
     if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
@@ -337,7 +351,7 @@ def _contact_finding(
         clearance: the station.
         subject: the bodies that the finding is about.
         text: describes the collision.
-        remedy: tells the user what to change.
+        remedy: what the user may change, for a warning.
         is_own: whether both bodies belong to the same robot.
     """
     contact = clearance.config.contact

@@ -1,4 +1,11 @@
-"""Close a station: give its inputs sources, and build a diagram that can run."""
+"""Close a station: give its inputs sources, and build a diagram that can run.
+
+A *reference* is the desired motion of a robot: positions of its n axes over time, in rad or m. A *source* is a block
+without inputs that puts a reference out. A *prescribed* axis follows its own reference exactly, without a servo. In a
+*dynamic* station forces move the robots, in a *kinematic* one the references do (``engine.moves_by_forces`` is False).
+*Ports* hold the input and output ports of a station by name. The names of a robot's ports begin with its *prefix*,
+which is empty for the only robot.
+"""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -61,11 +68,13 @@ class ClosedStation:
         references: Mapping[str, Reference],
         forces: Mapping[str, ForceConfig],
     ) -> None:
-        """Replace the trajectories of the robots and the pushes, without building the diagram again.
+        """Replace the trajectories of the robots and the forces over time, without building the diagram again.
+
+        The attribute `references` is changed as well. Robots that are not in `players` keep their references.
 
         Args:
             references: the new reference of each robot in `players`, by the robot's name.
-            forces: pushes and drags by name, as in :meth:`play_forces`.
+            forces: new pushes and drags by name, as in :meth:`play_forces`.
         """
         for robot, player in self.players.items():
             # Compared by identity: comparing trajectories would take as long as copying them.
@@ -76,7 +85,12 @@ class ClosedStation:
         self.play_forces(forces)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
-        """Replace the courses of pushes and drags, by name. Their points of action stay."""
+        """Replace how pushes and drags change over time. The points on which they act stay.
+
+        Args:
+            forces: the new forces, by the names of the station's forces. Forces that are no pushes or drags, and forces
+                that the diagram does not have, are ignored.
+        """
         for name, force in forces.items():
             # The name under which the station added the source of the force.
             source = f"force.{name}.source"
@@ -167,8 +181,8 @@ def closed_station(
             kept[robot.name] = reference
             if source.player is not None:
                 players[robot.name] = source.player
-        for axis, reference in robot.prescribed.items():
-            _add_prescribed(builder, ports, robot.axes[axis], robot, reference)
+        for axis, motion in robot.prescribed.items():
+            _add_prescribed(builder, ports, robot.axes[axis], robot, motion)
     # Last, since an input that is open now has no other source.
     _add_zeros(builder, ports)
     try:
@@ -181,13 +195,14 @@ def closed_station(
 
 
 def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Connect every input that nothing drives to a constant source of zeros."""
+    """Connect every input that nothing drives to a constant source of zeros, and draw this source in the picture."""
     # Drake refuses to evaluate a block with an open input. Zero is no feedforward, no force and no speed.
     for name, port in ports.inputs.items():
         if builder.IsConnectedOrExported(port):
             continue
         zero = add_and_connect(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
         builder.Connect(zero, port)
+        # The robot whose input it is, for the picture.
         owner = next(
             (robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None
         )
@@ -195,7 +210,12 @@ def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
 
 
 def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
-    """Create the error for blocks that Drake cannot build into a diagram, with the likely cause."""
+    """Create the error for blocks that Drake cannot build into a diagram, with the likely cause.
+
+    Args:
+        ports: ports of the station, with the user's own blocks by name.
+        problem: error of Drake when the diagram was built.
+    """
     # Drake has no class for this error: its text is the only sign.
     was_built_before = "been built into a different Diagram" in str(problem)
     cause = message("stations.signals_in_circle", "signals must not form an algebraic loop")
@@ -217,10 +237,12 @@ def _wiring_error(ports: StationPorts, problem: RuntimeError) -> SimrobError:
 def _add_source(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, reference: Reference
 ) -> ReferenceSource | None:
-    """Add the source of a robot's reference, with the derivatives for which the robot has free inputs.
+    """Add the source of a robot's reference, and connect it to the robot's free inputs.
+
+    These are the inputs for positions, velocities and accelerations that the robot has and that no block drives.
 
     Returns:
-        the source, or None if a block drives the reference.
+        the source, or None if a block drives the input of the positions. Then nothing is added.
     """
     free = []
     for name in _MOTION:
@@ -274,7 +296,7 @@ def _source(
         reference: the desired motion.
         taken: names of the inputs that the source drives, a part of ``_MOTION`` in its order.
     """
-    # The names are in the order of the derivatives, so an index is the order of a derivative.
+    # The names are in the order of the derivatives, so that the index of a name is the order of its derivative.
     highest_derivative = _MOTION.index(taken[-1])
     source = add_reference(
         builder, reference, name=f"{prefix}reference_source", derivatives=highest_derivative
@@ -297,11 +319,18 @@ def _add_prescribed(
 
     A prescribed axis is moved along its reference by whatever force that takes. Its input has the position, velocity
     and acceleration in one vector, shape (3,).
+
+    Args:
+        builder: builder of the diagram.
+        ports: ports of the station, which has the input already.
+        axis: name of the axis.
+        robot: robot of the axis.
+        reference: motion of this axis alone, one value at each time [rad or m].
     """
     name = f"{robot.prefix}prescribed.{axis}"
     if builder.IsConnectedOrExported(ports.inputs[name]):
         return
-    # The force that the axis needs depends on its acceleration.
+    # Two derivatives, since the force that the axis needs depends on its acceleration.
     source = add_reference(builder, reference, name=f"{name}.source", derivatives=2)
     assert source.velocity is not None
     assert source.acceleration is not None
@@ -331,6 +360,9 @@ def station_references(
         starts: positions at which the references of the configuration begin, by the robot's name, shape (n,) [rad or
             m]. By default they are the robots' initial positions.
 
+    Returns:
+        the references by robot, also of robots whose references a controller will replace.
+
     Raises:
         SimrobError: a reference does not fit its robot, or contradicts a coupling. Joint limits are checked separately,
             by :func:`check_reference`.
@@ -341,7 +373,7 @@ def station_references(
     for robot in station.robots.values():
         start = starts.get(robot.name, robot.initial)
         _check_start(robot, start)
-        own: Any = requested.get(robot.name)
+        own: Any = requested.get(robot.name)  # a reference, samples, or None
         if own is None:
             reference: Reference = station.config.reference_of(robot.name).trajectory(robot, start)
         elif isinstance(own, tuple):
@@ -461,7 +493,7 @@ def _interpolate(samples: Samples, robot: ResolvedRobot, *, linear: bool) -> Tra
         linear: whether straight lines join the samples; otherwise a smooth curve does.
 
     Raises:
-        InvalidParameter: the positions do not have one column for each axis.
+        InvalidParameter: the positions do not have one column for each axis, or times and positions make no trajectory.
     """
     # Users pass lists as well as arrays.
     positions = np.asarray(samples[1], dtype=float)

@@ -6,7 +6,8 @@ The owner of a body is the robot that it belongs to: the floor and free pieces h
 one robot owns both bodies. These pairs do not count:
 
 - links that a joint connects, and links that are fixed to each other (Drake excludes these),
-- links of one robot that touch in its home posture, or overlap in nearly every posture,
+- links of one robot that touch in its home posture,
+- bodies of one robot that overlap in nearly every posture,
 - meshes whose convex hulls overlap although the convex parts of the meshes do not.
 
 The robot that carries a piece, or holds it between its fingers, is the owner of the piece.
@@ -108,10 +109,10 @@ class CollisionPolicy:
         self._trusts_home = trusts_home
         self._fine = FineShapes(posed.station)  # the convex parts of concave meshes
 
-        # The owner of a shape if fingers are left aside. It never changes, so it is looked up once. A piece between
-        # fingers gets another owner in `_present_owner`.
         @cache
         def owner_without_fingers(shape: GeometryId) -> Owner:
+            """Owner of a shape if fingers are left aside. It never changes, so that each shape is looked up once."""
+            # A piece between fingers gets another owner in `_present_owner`.
             body, robot = owner_and_robot(posed.station, shape)
             return Owner(body, robot)
 
@@ -144,7 +145,7 @@ class CollisionPolicy:
             tolerance_factor: factor on the tolerances, from 0 to 1.
         """
         extra_depths = {} if depths_at_start is None else depths_at_start
-        holders = self._posed.holders
+        holders = self._posed.holders  # for each piece between fingers, the robot of the fingers
         deepest: dict[Bodies, Overlap] = {}
         for pair in self._posed.query().ComputePointPairPenetration():
             first = self._present_owner(pair.id_A, holders)
@@ -168,6 +169,7 @@ class CollisionPolicy:
             known = deepest.get(bodies)
             if known is not None and depth <= known.depth:
                 continue
+            # The body of a moving robot comes first, if no robot owns both.
             if robot:
                 moved = bodies
             elif movers is None or first.robot in movers:
@@ -186,7 +188,8 @@ class CollisionPolicy:
     ) -> dict[Bodies, Overlap]:
         """Find all pairs of bodies that touch in the present posture, even slightly.
 
-        Pairs with the floor are found, too, and so are pairs in :attr:`excluded_pairs`.
+        Pairs with the floor are found, too, and so are pairs in :attr:`excluded_pairs`. Pairs that Drake excludes, such
+        as neighbouring links, are not.
 
         Args:
             movers: names of the robots that move. Only pairs with a body of such a robot
@@ -257,8 +260,8 @@ class CollisionPolicy:
     def home_contacts(self) -> Mapping[Bodies, str]:
         """Pairs of links that touch in the home posture of their robot, with the robot's name.
 
-        Pairs with a piece are not included: a piece is not a link, so its overlap with a
-        link always counts.
+        Pairs with a piece are not included: that a piece touches a link at home is no property of the robot. The
+        mapping is empty if the home posture itself is checked (``trusts_home`` is False).
         """
         if not self._trusts_home:
             return {}
@@ -281,14 +284,15 @@ class CollisionPolicy:
 
     @cached_property
     def permanent_overlaps(self) -> Mapping[Bodies, str]:
-        """Pairs of links that overlap in nearly every posture, with the robot's name.
+        """Pairs of bodies of one robot that overlap in nearly every posture, with the robot's name.
 
-        An example is a ball in its socket.
+        An example is a ball in its socket. The bodies are links, and pieces that the robot carries. They are sought in
+        random postures when the property is first read; the positions of the station are restored.
         """
         before = self._posed.plant.GetPositions(self._posed.context)
         # A fixed seed, so that the pairs are always the same.
         random = np.random.default_rng(0)
-        counts = Counter[Bodies]()  # count of postures in which two links overlap
+        counts = Counter[Bodies]()  # for each pair, the count of postures in which it overlaps
         robot_of: dict[Bodies, str] = {}
         for _ in range(_SAMPLES):
             postures = {
@@ -309,14 +313,14 @@ class CollisionPolicy:
 
     @cached_property
     def excluded_pairs(self) -> Mapping[Bodies, str]:
-        """Pairs of links that never count as a collision, with the name of their robot.
+        """Pairs of bodies that never count as a collision, with the name of their robot.
 
         These are the pairs of :attr:`home_contacts` and of :attr:`permanent_overlaps`.
         """
         return {**self.home_contacts, **self.permanent_overlaps}
 
     def own_distances(self, robot: str) -> "OwnDistances":
-        """Prepare to measure, along a motion say, the distances of all pairs of shapes of one robot that can collide.
+        """Prepare to measure the distances of all pairs of shapes of one robot that can collide, in many postures.
 
         Pairs of the same body, pairs that Drake excludes and pairs in :attr:`excluded_pairs` are not
         among them.
@@ -325,7 +329,7 @@ class CollisionPolicy:
             robot: the robot's name. The pieces that it carries or holds now belong to it.
         """
         inspector = self._posed.station.scene_graph.model_inspector()
-        owner_of_shape = {}
+        owner_of_shape = {}  # of the shapes that belong to this robot
         for shape in inspector.GetAllGeometryIds(Role.kProximity):
             owner = self.owner(shape)
             if owner.robot == robot:
@@ -388,7 +392,11 @@ class OwnDistances(Distances):
         return OwnDistances(pairs, self._inspector, self._fine)
 
     def of(self, query: QueryObject) -> Vector:
-        """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap."""
+        """Compute the distances of all k pairs, shape (k,) [m]; negative if shapes overlap.
+
+        Args:
+            query: Drake's query object, with the poses of the shapes.
+        """
         distances = super().of(query)
         # Only overlaps of hulls are measured again, with the parts, see the class. The parts are inside of the hulls,
         # so that the larger of the two distances is the better one.

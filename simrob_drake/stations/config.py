@@ -143,7 +143,11 @@ class ServoConfig(Renamed):
 
     @model_validator(mode="after")
     def _fits_together(self) -> "ServoConfig":
-        """Check that realization, law, feedforward, motor and admittance can be realized together."""
+        """Check that realization, law, feedforward, motor and admittance can be realized together.
+
+        Raises:
+            ValueError: two keys exclude each other, or a law lacks the gains that it needs.
+        """
         # The admittance integrates the servo's torque, which an actuator of the plant does not give
         # out.
         if self.admittance_gain > 0 and self.realization == "implicit":
@@ -255,6 +259,11 @@ class RobotConfig(Renamed):
 
     @model_validator(mode="after")
     def _one_origin(self) -> "RobotConfig":
+        """Check that the robot comes either from a model or from a URDF, and that import options belong to a URDF.
+
+        Raises:
+            ValueError: both keys are given, or neither, or the options without a URDF.
+        """
         # True if both are given, and if neither is.
         if (self.model is None) == (self.urdf is None):
             raise ValueError(
@@ -390,10 +399,11 @@ class StationConfig(Renamed):
     __str__ = __repr__
 
     def to_content(self, *, only: Mapping[str, Any] | None = None) -> dict[str, Any]:
-        """Convert the configuration to the content of a station's file: nested dicts and lists.
+        """Convert the configuration to the content of a station's file: nested dicts and lists, without keys of None.
 
         Args:
-            only: keys to convert, as pydantic's ``include``; all by default.
+            only: keys to convert, as pydantic's ``include``; all by default. An only robot named ``robot`` is under
+                ``robot`` if all keys are converted, otherwise under ``robots``.
         """
         content = self.model_dump(mode="json", exclude_none=True, include=only)
         # The short form, as most users write it.
@@ -421,6 +431,7 @@ class StationConfig(Renamed):
 
     @model_validator(mode="after")
     def _can_be_computed(self) -> "StationConfig":
+        """Check the size of a run, see `check_effort`."""
         # Checked with the file: a run that is too large would fail only after its memory is full.
         check_effort(self)
         return self
@@ -430,6 +441,7 @@ class StationConfig(Renamed):
     )
     @classmethod
     def _check_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
+        """Check that the names of a section's entries have only letters, digits and ``_``. Returns the same entries."""
         # The names become parts of the names of ports, columns and files.
         for name in entries:
             check_plain(name)
@@ -488,7 +500,11 @@ class StationConfig(Renamed):
         return self.robots[robot].servo or self.servo
 
     def motors_are_dampers(self, robot: str) -> bool:
-        """Whether dampers of Drake's joints realize the torque lines of a robot's motors, as actuators require."""
+        """Whether dampers of Drake's joints realize the torque lines of a robot's motors.
+
+        The torque of a motor falls with its speed along a line. Servos in the plant's actuators, or an engine that
+        limits torques there, cannot compute this fall; a damper of the joint can.
+        """
         engine = self.engine
         # In a kinematic station no motor gives a torque.
         if not (engine.moves_by_forces and engine.allows_dampers_of_motors):
@@ -511,10 +527,11 @@ class StationConfig(Renamed):
 
 
 def check_effort(config: StationConfig) -> None:
-    """Check that a run's samples can be kept, its steps be done and its pieces be built.
+    """Check that a station can be built and run with the memory and the time of a computer.
 
     Raises:
-        InvalidParameter: there are too many samples, steps or pieces, or a sensor's delay is of too many samples.
+        InvalidParameter: there are too many pieces, too many samples of signals or of a sensor, too many steps of a
+            solver, or too many samples in the delay of a sensor. The bounds are the constants at the top of the module.
     """
     # Free pieces first: their bound is the smaller one.
     if len(config.free_pieces) > MOST_FREE_PIECES:

@@ -3,6 +3,10 @@
 A material is the stiffness, dissipation, friction and hydroelastic modulus of a surface. The section ``contact`` of a
 station gives one material for all shapes; a piece may replace some of its values. The last functions add the friction
 inside of the robots' joints, which Drake's plants do not simulate.
+
+In *point* contact two shapes touch at single points, in *hydroelastic* contact over surfaces. The *modulus* is the
+pressure by which a hydroelastic shape resists; a *rigid* shape has none, a *compliant* one has. A robot has n axes; its
+*axis map* converts between values of the axes and of the whole plant. The *engine* of a station is what moves it.
 """
 
 from collections.abc import Sequence
@@ -73,6 +77,8 @@ def apply_materials(
 ) -> None:
     """Write stiffness, dissipation, friction and modulus into the shapes of a station, before its plant is finalized.
 
+    The plant also gets the speed up to which contacts stick. Without a section ``contact`` nothing is written.
+
     Finalizing makes the collision filters between neighbouring links, and a shape would lose them if its material were
     written later.
 
@@ -83,7 +89,8 @@ def apply_materials(
         shapes: collision shapes of the station.
 
     Raises:
-        InvalidParameter: the resolution is too fine, or a piece that meets others at points does not fit the model.
+        InvalidParameter: the resolution is too fine, or a piece has the contact model ``point``, which only the
+            station's models ``point`` and ``hydroelastic_with_fallback`` allow.
     """
     config = station.config
     contact = config.contact
@@ -109,7 +116,7 @@ def apply_materials(
             raise InvalidParameter("contact.model", contact.model, expected)
         material = _material(config, contact, piece)
         if inspector.GetName(shape).startswith(f"{FLOOR}."):
-            # Boxes of the terrain have a modulus already if the terrain is soft.
+            # Boxes of a soft terrain have a modulus already, which that of the station must not replace.
             material = material.model_copy(update={"hydroelastic_modulus": None})
         # A copy of what the robot's file gives: values that the station does not give stay.
         properties = ProximityProperties(inspector.GetProximityProperties(shape))
@@ -165,6 +172,8 @@ def check_stiffnesses(
     shapes: Sequence[GeometryId],
 ) -> None:
     """Check that the solver of a station can hold the contacts of its bodies.
+
+    Only stiffnesses that the station gives are checked. A station without contact forces passes.
 
     Args:
         plant: the finalized plant.
@@ -232,7 +241,13 @@ def _material(
     contact: ContactConfig,
     piece: str | None,
 ) -> ContactMaterial:
-    """Combine the material of a station with the values that a piece replaces; ``piece`` is None for other bodies."""
+    """Combine the material of a station with the values that a piece replaces.
+
+    Args:
+        config: the station, with the sections of its pieces.
+        contact: section ``contact`` of the station.
+        piece: name of the piece, or None for a robot or the floor, which have the material of the station.
+    """
     own = config.pieces[piece].contact if piece else None
     # None means that the piece does not give a value, so the station's stays.
     replaced = {} if own is None else own.model_dump(exclude_none=True, exclude={"model"})
@@ -263,8 +278,14 @@ def _write_modulus(
 ) -> None:
     """Write the hydroelastic modulus into the properties of a shape.
 
-    A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file keeps its
-    own modulus if the material gives none; all other shapes get MODULUS then.
+    A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file gets the
+    modulus of the material, or keeps its own if the material gives none. Any other shape becomes compliant, with the
+    modulus of the material, or MODULUS if the material gives none.
+
+    Args:
+        properties: properties of the shape, which are changed.
+        material: material of the shape.
+        contact: section ``contact`` of the station, for the size of the surface's facets.
     """
     if not _is_hydroelastic(properties):
         AddCompliantHydroelasticProperties(
@@ -316,10 +337,10 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
     """
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
-        # The length of the steps is the reason for the limit with discrete solvers only.
-        step: str = solver.kind
+        # The length of the steps is the reason for the limit with discrete solvers only. For others the kind is named.
+        solver_text: str = solver.kind
         if solver.engine.has_discrete_states:
-            step = message("stations.steps_of", "steps of {step:g} s", step=solver.step)
+            solver_text = message("stations.steps_of", "steps of {step:g} s", step=solver.step)
         allowed = message(
             "stations.largest_stiffness",
             "at most {largest:.3g} N/m for {body} ({mass:.3g} kg) with the solver",
@@ -328,7 +349,10 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
             mass=body.default_mass(),
         )
         expected = compound(
-            "{allowed} {engine}, {step}", allowed=allowed, engine=solver.engine.name, step=step
+            "{allowed} {engine}, {step}",
+            allowed=allowed,
+            engine=solver.engine.name,
+            step=solver_text,
         )
         raise InvalidParameter("contact.stiffness", stiffness, expected)
 
@@ -337,10 +361,11 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add the Coulomb friction of the robots' joints to the diagram of a station.
 
     Usually, the plant has an actuator for the friction of each joint: a servo without stiffness whose torque limit is
-    the friction. It wants the joint to rest: its desired state, zero, is connected here, unless the robot's servos have
-    the realization ``implicit``. Those are actuators, too, and whoever connects the desired state of all actuators of
-    the robot has given friction the speed zero already. The solver ``cenic`` gets blocks instead, since its actuators
-    hold one torque for each joint, that of the motor. Another engine than Drake has friction of its own.
+    the friction. It pulls the joint to rest: its desired state, zero, is connected here, unless the robot's servos have
+    the realization ``implicit``. Those servos are actuators, too. The desired state of all actuators of the robot is
+    one port, which they have connected already, with the speed zero for friction. The solver ``cenic`` gets blocks
+    instead, since its actuators hold one torque for each joint, that of the motor. Another engine than Drake has
+    friction of its own; then nothing is added.
 
     ``cenic`` linearises the forces of blocks at the start of a step h. Friction c that reverses a joint's motion within
     a step would do so for ever. So the speed v_s above which friction is constant is at least c h / M, with the inertia
@@ -351,7 +376,7 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     if engine.has_friction_of_joints:
         return
     for robot in ports.plant.robots.values():
-        friction = robot.model.friction
+        friction = robot.model.friction  # of the n axes [N·m or N]
         if not friction.any():
             continue
         if not engine.puts_friction_in_actuators:
@@ -404,6 +429,7 @@ def with_friction(
         weights[list(axes)] = 1.0
     if not (weights * robot.model.friction).any():
         return torque
+    # The speed above which friction is constant, as in the robot's file.
     speeds = np.full(count, robot.model.drives.friction_speed)
     friction = _sliding(builder, ports, robot, speeds)
     if not weights.all():

@@ -152,7 +152,8 @@ def add_contact_points(
     """Register the balls of a station's flat shapes in the plant, before the plant is finalized. Returns these balls.
 
     Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
-    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots.
+    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots. Otherwise, and
+    if the station does not use contact points, the result is empty.
 
     Args:
         plant: the plant with all robots and pieces, not finalized.
@@ -170,7 +171,7 @@ def add_contact_points(
     if not free:  # nothing rests on a face, and balls would only cost time
         return points
     supports = [shape for shape in flat if owners.is_support(shape)]
-    # The stiffest demand: balls that carry the heaviest body carry all others.
+    # The heaviest body presses balls in deepest: balls that are large enough for it suit all others.
     heaviest = max(owners.moved_mass(shape) for shape in free)
     load = heaviest * abs(station.config.gravity)
     for shape in [*free, *supports]:
@@ -245,7 +246,7 @@ class _ShapeOwners:
     robots: Sequence[StationRobot]
 
     def body(self, shape: GeometryId) -> RigidBody:
-        """Find the body to which a shape is fixed."""
+        """Find the body of the plant to which a shape is fixed."""
         return self.plant.GetBodyFromFrameId(self.inspector.GetFrameId(shape))
 
     def piece(self, shape: GeometryId) -> str | None:
@@ -258,7 +259,7 @@ class _ShapeOwners:
         return next((robot for robot in self.robots if robot.instance == instance), None)
 
     def moved_mass(self, shape: GeometryId) -> float:
-        """Mass of the free piece, or of the whole robot, with which a shape moves [kg]."""
+        """Mass of the free piece, or of the whole robot with what it carries, with which a shape moves [kg]."""
         instance = self.body(shape).model_instance()
         indices = self.plant.GetBodyIndices(instance)
         return float(sum(self.plant.get_body(index).default_mass() for index in indices))
@@ -325,6 +326,7 @@ def _register_balls(
     name = own_name(inspector, shape)
 
     def register(ball: ContactBall, label: str) -> GeometryId:
+        """Register one ball, whose name ends with a label. Returns its id."""
         # The ball's name begins with that of the shape, so that forces on it count as forces on the shape's piece.
         centre = RigidTransform(pose.multiply(ball.centre))
         properties = ProximityProperties(material)
@@ -338,8 +340,7 @@ def _register_balls(
     is_polyhedron = 0 < len(corners) <= MOST_CORNERS
     if is_polyhedron:
         balls = balls_at_corners(corners, depth=depth)
-        # The balls at the corners are the ends of the edges, so that all balls of an edge are in
-        # line.
+        # The balls at the corners have the order of the corners, and are the ends of the edges.
         on_edges = balls_on_edges(balls, _edges_of(inspector, shape))
         points.polyhedra.append(shape)
         points.edges += [register(ball, f"edge_{number}") for number, ball in enumerate(on_edges)]
@@ -386,7 +387,7 @@ def balls_on_edges(corners: Sequence[ContactBall], edges: Sequence[Edge]) -> Ite
         edges: edges between these corners.
     """
     centres = np.array([ball.centre for ball in corners])
-    # The sides of the box around the balls are a little shorter than those of the polyhedron.
+    # Half of the shortest side. The box around the balls is a little smaller than that around the polyhedron.
     longest_part = float(np.ptp(centres, axis=0).min()) / 2
     for edge in edges:
         start = centres[edge.first]
@@ -424,7 +425,7 @@ def _edges_of_box(corners: Vector) -> list[Edge]:
 
 
 def _sinking_depth(config: StationConfig, piece: str | None, load: float) -> float:
-    """Compute how far four balls sink in under a load, [m].
+    """Compute how far four balls sink in under a load [m].
 
     Only the stiffness that the user gives counts: that of the piece, otherwise that of the station. Without one, the
     depth is 0: with Drake's default stiffness bodies sink in by some micrometres only.
@@ -498,9 +499,10 @@ def balls_of_cylinder(
     for side, angle in product((-1.0, 1.0), angles):
         centre = np.array([across * np.cos(angle), across * np.sin(angle), side * height])
         balls.append(ContactBall(centre, small))
+    # In a shorter cylinder, balls of its radius would protrude from both end faces.
     if half_length > radius:
         for side in (-1.0, 1.0):
-            # The sphere of the cylinder's radius touches the end face from inside there.
+            # A ball of the cylinder's radius touches the end face from inside there.
             centre = np.array([0.0, 0.0, side * (half_length - radius)])
             balls.append(ContactBall(centre, radius + protrusion))
     return balls

@@ -4,6 +4,9 @@ A gear is an entry under ``couplings`` of a station: a constant sum of the posit
 joint follows another joint, its leader, as the file of its robot says; here each mimic joint becomes such a gear.
 Not every solver can hold a gear during a run, but the initial positions obey all of them. The full name of an axis is
 its name with a prefix of its robot, if the station has several robots.
+
+The user gives initial positions under ``initial_deg``, in the *user's units*: degrees, or metres for a prismatic axis.
+Axes whose positions are given least *firmly* are moved first, so that the couplings hold.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,7 +42,7 @@ def gear_name(config: StationConfig, robot: str, axis: str) -> str:
 
 
 def follower_key(axis: str) -> str:
-    """Key under ``couplings`` of the gear of an axis that follows another one. Names of joints may have any letters."""
+    """Key under ``couplings`` of the gear of an axis that follows another one; other characters become underscores."""
     return plain_name(f"{axis}_follows")
 
 
@@ -56,6 +59,7 @@ def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict
     Returns:
         the gears, by their keys under ``couplings``.
     """
+    # For each gear of the station, the full names of its axes.
     axes_of_own_gears = [
         gear.ratios.keys() for gear in config.couplings.values() if isinstance(gear, Gear)
     ]
@@ -65,6 +69,7 @@ def mimic_gears(config: StationConfig, models: Mapping[str, RobotModel]) -> dict
             continue
         prefix = config.prefix(name)
         for axis, follower in model.followers.items():
+            # The ratios of the mimic joint and of its leader, by their full names.
             ratios = {
                 f"{prefix}{own_name}": ratio for own_name, ratio in follower.ratios(axis).items()
             }
@@ -150,8 +155,8 @@ def expected_position(
     They demand it with the present positions of the other axes of the condition, which the text names, too.
 
     Args:
-        coupled: the n coupled axes.
-        condition: the condition that the positions break.
+        coupled: the n axes of all robots, with their equations.
+        condition: the condition that the positions break: an equation between axes of which none may be moved.
         violation: the axis that has the wrong position, and the position that it would need.
         position: positions of the n axes at the sample of the violation, shape (n,) [rad or m].
         units: units of the axes.
@@ -228,6 +233,7 @@ def coupled_start(
         firmness += model.firmness(config.robots[name].initial_deg)
     units = axis_units(models.values())
 
+    # Positions that obey the couplings are `matrix @ initial + offset`; `moved` are the axes that give way.
     dependence = with_totals.solve(firmness, with_totals.totals(initial))
     # A condition is an equation that is left for axes whose positions are all given in ``initial_deg``.
     for condition in dependence.conditions:
@@ -260,7 +266,7 @@ def coupled_start(
         return dict(positions)
     starts = initial.copy()
     starts[moved] = solved[moved]
-    # Split the vector at the first axis of each robot but the first.
+    # Split the vector again into those of the robots: at the first axis of each robot, except for the first robot.
     counts = [len(model.axes) for model in models.values()]
     by_robot = np.split(starts, np.cumsum(counts)[:-1])
     return dict(zip(models, by_robot, strict=True))
@@ -349,7 +355,7 @@ def _within_limits(model: RobotModel, position: Vector, key: str) -> Vector:
         key: key of the positions in the station, for warnings, such as ``robots.arm.initial_deg``.
 
     Returns:
-        the positions, shape (n,) [rad or m].
+        the positions, shape (n,) [rad or m]. A warning names the axes that were clamped by a noticeable amount.
 
     Raises:
         InvalidParameter: an axis is beyond a limit by more than rounding.

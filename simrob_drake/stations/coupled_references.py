@@ -3,8 +3,12 @@
 A reference is the desired motion of one robot: a function of time with the positions of its axes. Couplings tie axes of
 one or several robots by linear equations, for example a gear; the partners of an axis are the other axes of the same
 equation. So the functions here treat the axes of all robots as one vector of n positions, one robot after the other.
-Where the references of coupled axes do not agree, the axis whose reference is given least firmly follows the others,
-see :class:`simrob_drake.robots.coupled_axes.Firmness`.
+Where the references of coupled axes do not agree, the axis whose reference is given least firmly follows the others.
+
+The *firmness* of an axis, from the lowest to the highest, is PASSIVE (no servo follows the reference), UNNAMED (the
+user gives no value for the axis), LEADING (one value for all axes) or NAMED (a value for this axis). NAMED axes never
+follow: an equation between such axes is a *condition*, which their references must fulfil. A *prescribed* axis moves
+exactly along a motion that the station gives.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -63,13 +67,14 @@ def obey_couplings(
         firmness += _firmness(station, robot, is_requested=name in requested)
     units = axis_units(robot.model for robot in robots.values())
 
-    # The motions that the robots would make without couplings.
+    # The motions that the robots would make without couplings, and their positions at m times, shape (m, n).
     motions = {name: _with_prescribed(robot, references[name]) for name, robot in robots.items()}
     times = _comparison_times(motions, station.config.duration)
     positions = np.hstack([reference_values(motions[name], times) for name in robots])
 
-    # A resumed run begins with a small gap in its couplings, which the solver left. This gap is no contradiction of the
-    # references, so the totals come from the start, and only changes of the positions have to agree.
+    # The totals are the right sides of the equations: ratios times positions = total. A resumed run begins with a small
+    # gap in its couplings, which the solver left. This gap is no contradiction of the references, so the totals come
+    # from the start, and only changes of the positions have to agree.
     begin = np.concatenate([starts.get(name, robot.initial) for name, robot in robots.items()])
     totals = coupled.ratios @ begin if starts else coupled.totals(begin)
 
@@ -77,7 +82,7 @@ def obey_couplings(
     _check_conditions(coupled, dependence, times, positions, units)
     followers = _axes_to_change(dependence, positions, firmness, units)
     for axis in followers:
-        # Other axes could give way in place of this one.
+        # Axes that could give way in place of this one, since the user gives no value for either.
         alternatives = dependence.undecided.get(axis)
         if alternatives:
             raise _ambiguity(coupled, (axis, *alternatives))
@@ -143,6 +148,7 @@ def _axes_to_change(
     Returns:
         indices of the axes among the axes of all robots: those that give way, and do not obey the couplings already.
     """
+    # Positions that obey the couplings, and how far each axis is from them at most [rad or m].
     solved = positions @ dependence.matrix.T + dependence.offset
     shifts = np.abs(solved - positions).max(axis=0)
     changed = []
@@ -223,6 +229,7 @@ def _firmness(
         the firmness of each axis, in the order of the robot's axes.
     """
     config = station.config
+    # As the reference of the station's file gives the axes, unless another reference replaces it.
     firmness = config.reference_of(robot.name).firmness(robot.model)
     if is_requested:
         firmness = [Firmness.NAMED] * len(robot.axes)
@@ -255,6 +262,7 @@ def _with_prescribed(robot: ResolvedRobot, reference: Reference) -> Reference:
     # Each row of the matrix selects one of the sources: the robot's n positions, then the imposed motions.
     count = len(robot.axes)
     sources = [reference, *robot.prescribed.values()]
+    # At first the positions of the reference, without the imposed motions.
     matrix = np.hstack([np.eye(count), np.zeros((count, len(robot.prescribed)))])
     for number, axis in enumerate(robot.prescribed):
         matrix[axis] = 0.0

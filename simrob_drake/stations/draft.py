@@ -3,6 +3,11 @@
 The draft is the text of a YAML file. Its content is a mapping: the sections of the station by their keys. The functions
 here complete this content step by step, simulate the station for a moment, and return remarks. Remarks are sentences
 for the user: what was chosen, tried and found. They become comments at the top of the file.
+
+A *posture* gives the positions of the robot's n axes, in rad or m. The *user's units* of the file are degrees, or
+metres for a prismatic axis. A *follower* is an axis that a coupling moves along with another one, its leader. A
+*passive* axis has no motor. A *kinematic* station moves its robot exactly along the reference, a *dynamic* one by
+forces.
 """
 
 import shlex
@@ -121,6 +126,7 @@ def draft_station(
     if is_description:
         _check_floating_base(robot, file)
     elif _falls_through(robot):
+        # Imported again, with a fixed root in place of the floating one.
         options = (options or ImportOptions()).model_copy(update={"base": "fixed"})
         robot = robot_from_file(file, options)
         reason = message(
@@ -172,7 +178,10 @@ def _falls_through(robot: RobotModel) -> bool:
 
 
 def _remarks_on_axes(robot: RobotModel) -> list[str]:
-    """Write remarks on axes that follow others, and on axes without a motor in a dynamic station."""
+    """Write remarks on axes that follow others, and on axes without a motor in a dynamic station.
+
+    The list is empty if there are no such axes.
+    """
     remarks = list[str]()
     if robot.followers:
         coupled = message(
@@ -266,7 +275,12 @@ def _import_warnings(
 
 
 def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Complete the content of a station whose robot is held by its root, or is kinematic. Returns remarks."""
+    """Complete the content of a station whose robot is held by its root, or is kinematic. Returns remarks.
+
+    Args:
+        robot: the robot.
+        content: content of the station, which is changed. The sections that follow from the robot alone are there.
+    """
     is_kinematic = content["mode"] == "kinematic"
     if not is_kinematic:
         content["servo"] = _servo(robot, "per_joint")
@@ -283,6 +297,7 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, start.posture)
     content["reference"] = {"kind": "hold"}  # if no move from the posture is clear
+    # A number for all axes, or a mapping by axis, which is empty if all axes are passive or followers.
     target = _without_followers(robot, _in_user_units(robot, start.target))
     if (start.target != start.posture).any() and target != {}:
         content["reference"] = {"kind": "move", "target_deg": target, "duration": _MOVE}
@@ -300,9 +315,9 @@ def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
     The solver is continuous if a trial run gets to its end quickly enough, otherwise discrete.
     """
-    # Otherwise each joint sags by its weight over its gain.
+    # Without a feedforward, each joint sags by its weight over its gain.
     content["servo"]["feedforward"] = "gravity"
-    # Otherwise the damping of the servos delays the motion.
+    # Without a desired velocity, the damping of the servos delays the motion.
     content["inputs"] = ["reference_velocity"]
     content["solver"] = _CONTINUOUS
     if gets_through(_config(robot, content)):
@@ -324,6 +339,10 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     Couplings close the loops. Passive are the axes that the loops move, and those without a motor in the robot's file.
     So at most as many axes have motors as the loops leave free.
 
+    Args:
+        robot: a robot with at least one loop.
+        content: content of the station, which is changed.
+
     Raises:
         InvalidParameter: no posture closes the loops.
     """
@@ -333,10 +352,12 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
     passive = sorted({*loops.passive_axes(posture), *without_motor})  # indices
     content.setdefault("couplings", {}).update(robot.loops)
     content["servo"] = _servo(robot, "implicit")
+    # The servo of an axis that the loops move gets gains of zero, even if the axis has a motor in the robot's file.
     gains = gains_of(robot)
     for key, values in (("kp", gains.kp), ("kd", gains.kd)):
         values[passive] = 0.0
         content["servo"][key] = _of_motors(robot, values)
+    # Discrete solvers hold couplings of bodies as constraints; a continuous one would need very stiff springs.
     content["solver"] = _DISCRETE
     _set_initial_posture(robot, content, posture)
 
@@ -369,6 +390,10 @@ def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
 
     The program replaces the reference: the arm goes to the target of the reference, then the fingers close almost, and
     open again. The reference becomes ``hold``.
+
+    Args:
+        robot: a robot with fingers.
+        content: content of the station with the sections ``servo`` and ``reference``; it is changed.
 
     Returns:
         remarks for the user.
@@ -423,12 +448,16 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
         robot: the robot.
         reference: section of the first move, of which the targets of the arm's axes are used; the fingers stay open
             during that move.
+
+    Returns:
+        the moves, as they are written in the station's file. The first one is left out if the reference has no target.
     """
     leader = next(iter(robot.fingers))
-    closed, opened = robot.fingers[leader]
+    closed, opened = robot.fingers[leader]  # positions [rad or m]
     almost_closed = closed + _FINGER_GAP * (opened - closed)
     axes = list(robot.axes)
     fingers = {axes[index] for index in robot.fingers}
+    # The target is a mapping by axis, or one number for all axes.
     target = reference.get("target_deg", {})
     target_by_axis = target if isinstance(target, Mapping) else dict.fromkeys(axes, target)
     arm_target = {axis: value for axis, value in target_by_axis.items() if axis not in fingers}
@@ -443,7 +472,7 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
 
 
 def _complete_on_feet(robot: RobotModel, content: dict[str, Any]) -> list[str]:
-    """Complete the content of a station whose robot has a floating base. Returns remarks.
+    """Complete the content of a station whose robot has a floating base, in place. Returns remarks.
 
     Stances (postures in which the robot stands by statics) are tried in short runs. If the robot does not stand in any
     of them, it begins in the first one, or at home if there is none.
@@ -635,7 +664,7 @@ def _command_options(options: ImportOptions | None) -> list[str]:
     values = {} if options is None else options.model_dump(mode="json", exclude_defaults=True)
     words = list[str]()
     for key, value in values.items():
-        # An option that may be repeated is written once for each of its values.
+        # An option that may be repeated is written once for each of its values, any other one once.
         occurrences = value if key in _REPEATED_OPTIONS else [value]
         for occurrence in occurrences:
             words.append(f"--{key.replace('_', '-')}")
@@ -659,7 +688,12 @@ def _servo(robot: RobotModel, realization: str) -> dict[str, Any]:
 
 
 def _of_motors(robot: RobotModel, values: Vector) -> float | dict[str, float]:
-    """Write values of all axes (n,) for a key of the servos: without those of passive axes, which have no servo."""
+    """Write values of all axes (n,) for a key of the servos.
+
+    Returns:
+        a mapping without the axes that have no motor in the robot's file. If all axes have one, it is one number if all
+        values are equal, otherwise a mapping by axis.
+    """
     if not robot.passive.any():
         return _number_or_mapping(robot, values)
     return {
@@ -678,7 +712,8 @@ def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, f
 def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, float]:
     """Write the targets of axes (n,) without those of followers, which the couplings move, and of passive axes.
 
-    If there are neither of these, equal values are written as one number.
+    Returns:
+        a mapping by axis. If no axis is left out and all values are equal, it is one number.
     """
     left_out = {*robot.followers, *robot.passive_axes}
     if not left_out:

@@ -28,8 +28,8 @@ _MOST_EVALUATIONS = 10_000
 def gets_through(config: StationConfig) -> bool:
     """Whether a continuous solver brings a station to its end before its evaluations of the dynamics run out.
 
-    A station with a stop that is too stiff for the solver is not tried, and does not get through: the run might reach
-    its end with wrong results.
+    A station with a warning about its steps, such as a joint stop that is too stiff for the solver, is not tried, and
+    does not get through: the run might reach its end with wrong results.
     """
     closed = closed_station(resolve(config), sensors=(), monitors=False)
     findings = step_findings(config, closed.ports.plant, closed.references)
@@ -40,6 +40,7 @@ def gets_through(config: StationConfig) -> bool:
     integrator = simulator.get_integrator()
 
     def stop_if_expensive(_: Context) -> EventStatus:
+        """End the simulation when too many evaluations of the dynamics have been made."""
         # Evaluations, not wall-clock time: the draft must be the same on a slow computer.
         if integrator.get_num_derivative_evaluations() > _MOST_EVALUATIONS:
             return EventStatus.ReachedTermination(
@@ -48,6 +49,7 @@ def gets_through(config: StationConfig) -> bool:
         return EventStatus.DidNothing()
 
     simulator.set_monitor(stop_if_expensive)
+    # The monitor ends the simulation early without an error, which only the time shows.
     return (
         _advances(simulator, config.duration)
         and simulator.get_context().get_time() >= config.duration
@@ -55,7 +57,7 @@ def gets_through(config: StationConfig) -> bool:
 
 
 def _advances(simulator: Simulator, time: float) -> bool:
-    """Simulate up to a time [s], or to where a monitor stops the run. Returns False if the run diverges."""
+    """Simulate up to a time [s], or to where a monitor stops the run. Returns False if Drake fails before that."""
     try:
         simulator.AdvanceTo(time)
     except (RuntimeError, SystemExit):  # failed assertions come as SystemExit
@@ -92,7 +94,7 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
     if not _advances(simulator, duration):
         return StandingTrial(False, message("stations.it_diverged", "the simulation diverged"))
     time = simulator.get_context().get_time()
-    if time < duration:
+    if time < duration:  # the station's monitor has ended the run
         return StandingTrial(
             False, message("stations.it_fell", "the robot fell at {time:.2f} s", time=time)
         )
@@ -101,9 +103,11 @@ def stands(config: StationConfig, duration: float = 2.0) -> StandingTrial:
     # The direction of the root that pointed up at the start, in the root's frame.
     up = before.rotation().inverse().matrix()[:, 2].tolist()
     quaternion = xyz_quaternion_from_transform(after)[3:].tolist()
+    # The angle of this direction with the vertical at the end.
     leaning_deg = float(np.rad2deg(lean(up, *quaternion)))
     position = before.translation()
-    sunk = float((position - after.translation())[2])
+    sunk = float((position - after.translation())[2])  # positive downward [m]
+    # Height of the root over the ground at the start.
     height = float(position[2] - station.ground.beneath(position[np.newaxis])[0])
     # Servos sag, so that a small lean or sinking is not a fall.
     is_upright = leaning_deg < _LEANS_DEG and sunk < _SINKS_SHARE * max(height, _LEAST_HEIGHT)

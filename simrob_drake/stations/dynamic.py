@@ -2,6 +2,12 @@
 
 The ports of a robot have one value for each of its n axes. The plant has its own order of positions and velocities; a
 robot's *axis map* converts between the two by constant matrices.
+
+In a *dynamic* station *servos* move the axes to the *reference*, the desired positions, and add a *feedforward*, which
+are torques that are given or predicted. Servos are blocks, or parts of the actuators of Drake's plant (the realization
+``implicit``). In a *kinematic* station the reference is the motion itself, and inverse dynamics gives the torques. The
+names of a robot's ports and blocks begin with its *prefix*, which is empty for the only robot. The block *picture*
+shows the diagram; `draw` labels a block in it, and `draw_nothing` makes a block a part of the arrows.
 """
 
 from collections.abc import Mapping
@@ -58,7 +64,7 @@ _STABLE = 2.0
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add inputs, state, servos, friction and joint stops of every robot, and the forces of all couplings.
 
-    The station's solver must move joints by forces. For other solvers, see :func:`add_kinematic_robots`.
+    This is for dynamic stations. For kinematic ones, see :func:`add_kinematic_robots`.
 
     Raises:
         InvalidParameter: the station lists the input of an external force, but no robot has a tool.
@@ -113,7 +119,7 @@ def _add_external_input(
     robot: StationRobot,
     external: str,
 ) -> None:
-    """Add the input of a force or torque at the tool centre point of a robot, size 3 [N or N·m].
+    """Add the input of a force or torque at the tool centre point of a robot, in the tool's axes, size 3 [N or N·m].
 
     Args:
         builder: builder of the diagram.
@@ -147,13 +153,14 @@ def stops_of(config: StationConfig, plant: StationPlant) -> Vector:
     Returns:
         stiffness [N·m/rad or N/m] and damping [N·m·s/rad or N·s/m], shape (2, nv).
     """
-    stated = config.joint_stops.model_dump()
-    # Values by axis do not say what holds for a joint that is no axis.
+    stated = config.joint_stops.model_dump()  # by key: stiffness, then damping
+    # Values by axis do not define the stops of a joint that is no axis, which gets the default values.
     usual = JointStops().model_dump()
     for_all = [
         usual[key] if isinstance(value, list | dict) else value for key, value in stated.items()
     ]
     stops = np.tile(np.array(for_all)[:, np.newaxis], plant.plant.num_velocities())
+    # Each robot has its own stops, resolved for its axes.
     for robot in plant.robots.values():
         stops[:, robot.axis_map.velocity_places] = robot.stops
     return stops
@@ -166,7 +173,13 @@ def servo_inertias(
 ) -> Vector:
     """Inertias that the servos of a robot move, to judge their gains, shape (n,) [kg m² or kg].
 
-    They are 1 for computed torque, whose gains are multiplied by the inertia already.
+    The inertia of an axis is that which it has while all other axes move freely. It is 1 for computed torque, whose
+    gains are multiplied by the inertia already.
+
+    Args:
+        config: configuration of the station.
+        robot: the robot.
+        context: context of the plant with its positions; None for the positions at the start.
     """
     if config.servo_of(robot.name).law == "computed_torque":
         # tau = M (kp e + kd de/dt): the gains act on an inertia of 1.
@@ -175,16 +188,19 @@ def servo_inertias(
 
 
 def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
-    """Largest time step at which the damping of each axis is stable in an explicit scheme, shape (n,) [s]."""
+    """Largest time step at which the damping of each axis is stable in an explicit scheme, shape (n,) [s].
+
+    It is infinite for an axis without damping.
+    """
     with np.errstate(divide="ignore"):  # an axis without damping has no largest step
         return np.asarray(_STABLE * servo_inertias(config, robot) / robot.gains.kd)
 
 
 def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
-    """Check that servos made of blocks are stable at the time step of an explicit engine.
+    """Check that servos made of blocks are stable at the time step of an engine that evaluates blocks explicitly.
 
     Raises:
-        InvalidParameter: the servo of an axis is not; names the axis and the largest time step.
+        InvalidParameter: the servo of an axis is unstable; the message names the axis and the largest time step.
     """
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
@@ -215,19 +231,22 @@ def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> S
     Args:
         robot: the robot.
         columns: beginning of the names of its columns, such as ``q`` in ``q.joint_1``; ``v`` stands for velocities.
-        output: name of the output.
-        role: meaning of the values.
+        output: name of the output without the prefix of the robot.
+        role: meaning of the values; ``effort`` for torques and forces.
+
+    Returns:
+        the names and SI units of the columns that the output has in results.
     """
-    shown = []
+    units = []  # SI units of the values, one for each axis
     for unit in robot.model.units:
         if columns == "v":
-            shown.append(f"{unit.si}/s")
+            units.append(f"{unit.si}/s")
         elif role == "effort":
-            shown.append(unit.effort)
+            units.append(unit.effort)
         else:
-            shown.append(unit.si)
+            units.append(unit.si)
     names = tuple(f"{robot.prefix}{columns}.{axis}" for axis in robot.axes)
-    return Signal(names, tuple(shown), role, f"{robot.prefix}{output}")
+    return Signal(names, tuple(units), role, f"{robot.prefix}{output}")
 
 
 def add_motion(
@@ -237,10 +256,17 @@ def add_motion(
     position: OutputPort,
     velocity: OutputPort,
 ) -> None:
-    """Declare the outputs of a robot's reference, position and velocity, size n each.
+    """Declare the outputs of a robot's reference, position and velocity, size n each [rad or m, and rad/s or m/s].
 
     Position and velocity are linear functions of the plant's state, so that they can be computed from a record of
     states at once.
+
+    Args:
+        site: the station under construction, whose outputs are extended.
+        robot: the robot.
+        reference: port of the desired positions.
+        position: port of the positions.
+        velocity: port of the velocities.
     """
     count = len(robot.axes)
     rows = robot.axis_map.state_matrix
@@ -268,7 +294,7 @@ def _add_signals(
     prefix = robot.prefix
     count = len(robot.joints)
     servo = ports.config.servo_of(robot.name)
-    # From the plant's state to positions and velocities in the order and the signs of the axes.
+    # The state of the axes: positions, then velocities, in the order and with the signs of the axes, size 2n.
     state = add_matrix_gain(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
     ports.outputs.add_report(
@@ -280,6 +306,7 @@ def _add_signals(
         # their places.
         reference = add_prescribed_motion(builder, ports, robot, reference)
     add_motion(ports, robot, reference, split.get_output_port(0), split.get_output_port(1))
+    # The inputs that the station lists, and those that servos with a model of the robot need.
     names: set[str] = set(ports.config.inputs)
     if servo.follows_motion:
         names.update(_DERIVATIVES)
@@ -331,7 +358,7 @@ def _add_bus(
     steps = np.array(own_steps)
     if bus.resolution_deg is not None:
         steps = np.full(len(robot.axes), bus.resolution_deg)
-    # The resolution is given in the user's unit (deg or mm), and needed in rad or m.
+    # The resolution is given in the user's unit (deg, or m for a prismatic axis), and needed in rad or m.
     block = CommandBus(
         period=1 / bus.rate,
         delay=bus.delay,
@@ -365,16 +392,18 @@ def _with_feedforward(
         the signals, with the predicted torques in the feedforward of the robots that have such servos.
     """
     servo_of = ports.config.servo_of
+    # The signals of the robots whose servos have a predicted torque.
     predicted = {name: own for name, own in signals.items() if servo_of(name).feedforward != "none"}
     if not predicted:
         return dict(signals)
     changed = dict(signals)
     maps = [(ports.plant.robots[name].axis_map, own) for name, own in predicted.items()]
+    # One port of torques for each of these robots, size n each.
     torques = add_feedforward(builder, ports.plant.plant, maps, name="model_feedforward")
     for (name, own), torque in zip(predicted.items(), torques, strict=True):
         robot = ports.plant.robots[name]
         parts = [torque]
-        if own.feedforward is not None:
+        if own.feedforward is not None:  # the station's own input of that name
             parts.append(own.feedforward)
         damping = robot.gains.damping
         if damping.any() and servo_of(name).feedforward == "inverse_dynamics":
@@ -401,7 +430,14 @@ def _add_servos(
     robot: StationRobot,
     signals: ServoSignals,
 ) -> None:
-    """Add the servos of a robot, in the plant's actuators or as blocks, and the output of their torques."""
+    """Add the servos of a robot, in the plant's actuators or as blocks, and the output of their torques.
+
+    Args:
+        builder: builder of the diagram.
+        ports: ports of the station, which get the output ``torque``.
+        robot: the robot.
+        signals: desired motion, state of the axes and feedforward that the servos read.
+    """
     servo = ports.config.servo_of(robot.name)
     plant = ports.plant.plant
     if servo.realization == "implicit":
@@ -428,6 +464,7 @@ def _add_servos(
             label = message("stations.block_joints", "{count} joints", count=len(robot.axes))
             draw_integral(ports, robot, "servo", all_axes, label)
     elif servo.admittance_gain > 0:
+        # This declares the output of the torques, too.
         _add_admittance_servos(builder, ports, robot, signals)
     else:
         torque = _add_servo_blocks(builder, ports, robot, signals)
@@ -454,6 +491,7 @@ def _add_servo_blocks(
     plant = ports.plant.plant
     servo = ports.config.servo_of(robot.name)
     count = len(robot.axes)
+    # Whether the engine limits the torques in the actuators, so that the servos must not.
     in_actuators = ports.config.engine.limits_torques_in_actuators
     prefix = robot.prefix
     per_joint = servo.realization == "per_joint"
@@ -493,8 +531,9 @@ def _add_servo_blocks(
             saturated=not in_actuators,
         )
         draw_servos(ports, robot, per_joint=per_joint)
+    # From torques of the axes to torques of the actuators; passive axes have none.
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
-    driven = command
+    driven = command  # torques with which the actuators drive
     if robot.gains.damping.any():
         # The plant's joints have the motors' dampers, -d v. Actuators that drive with tau + d v leave tau in all.
         bus = add_multiplexer(builder, f"{prefix}motors.commands", command, signals.state)
@@ -559,7 +598,7 @@ def _add_admittance_servos(
     # Sums and stacks of signals would only clutter the picture.
     hidden = [f"{prefix}felt_torque", f"{prefix}model_torque.axes", f"{prefix}admittance.bus"]
     ports.picture.draw_nothing(*hidden)
-    # felt = ID(q, v) - tau, as a matrix on both torques.
+    # felt = torque of the model - torque of the servos, as a matrix on both.
     felt = add_multiplexer(builder, f"{prefix}felt_torque.bus", model, torque)
     difference = np.hstack([np.eye(len(robot.joints)), -np.eye(len(robot.joints))])
     output = f"{prefix}felt_torque"
@@ -572,6 +611,7 @@ STEP = 0.01
 monitors would miss all that happens before."""
 
 _MOTION = ("reference", "reference_velocity", "reference_acceleration")
+"""Inputs of a robot's motion in a kinematic station: positions, velocities and accelerations."""
 
 
 def add_motion_inputs(
@@ -580,7 +620,8 @@ def add_motion_inputs(
     """Add inputs of position, velocity and acceleration for every robot of a kinematic station.
 
     Returns:
-        the inputs, each that of a PassThrough, and a port with the state of the whole plant (nq + nv,) that follows.
+        the inputs, each that of a block that passes its values on, and a port with the state of the whole plant
+        (nq + nv,) that follows from the positions and velocities.
     """
     inputs = InputPorts()
     motions: list[OutputPort] = []
@@ -601,7 +642,8 @@ def add_motion_inputs(
 def add_kinematic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add the outputs, inverse dynamics and geometry poses of the robots of a kinematic station.
 
-    The plant is not in the diagram and is never stepped: the inputs determine its state.
+    The plant is not in the diagram and is never stepped: the inputs of `add_motion_inputs` determine its state. Another
+    block bounds the length of the simulator's steps.
     """
     robots = ports.plant.robots.values()
     accelerations = []

@@ -48,14 +48,17 @@ def loops_known(station: StationConfig) -> KnownLoops:
 
 @cache
 def _loops_of_stations(folder: Path, model: str) -> KnownLoops:
-    """Collect the loops of all stations in a folder that have a robot of a model.
+    """Collect the loops of all stations in a folder whose section ``robot`` names a model.
+
+    The results are kept until the program ends.
 
     Args:
         folder: folder with the stations' files.
         model: name of the robot's model.
 
     Returns:
-        the loops. Of loops with the same name, the one of the first station in alphabetical order is taken.
+        the loops, each with the settings that add it and its sensors to another station. Of loops with the same name,
+        the one of the first station in alphabetical order is taken.
     """
     known: KnownLoops = {}
     # Sorted, as the order in which a file system lists its files is not defined.
@@ -141,4 +144,5 @@ def _sensors_of(section: Any, content: dict[str, Any]) -> Settings:
     # A loop may read other signals, too: names that are no sensors drop out.
     for name in sensors_read & set(sensors):
         sensors_read = sensors_read | set(sensors[name].read(sensors).values())
+    # As the file has them, since settings are content of a file.
     return {f"sensors.{name}": sensor for name, sensor in contents.items() if name in sensors_read}

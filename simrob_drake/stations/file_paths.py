@@ -95,7 +95,7 @@ def with_absolute_paths(
     folder: Path,
     border: Border | None = None,
 ) -> dict[str, Any]:
-    """Copy a station's content with absolute paths.
+    """Copy a station's content with absolute paths. The value of a key ``class`` becomes absolute if it names a file.
 
     Args:
         content: content of a station's file, or a part of it with the same keys.
@@ -167,6 +167,7 @@ def changes_with_absolute_paths(
         whole = with_absolute_paths(whole, folder, border)
         for part in key.split("."):
             whole = whole[part]
+        # Taken apart, `whole` is the value again, now with absolute paths.
         result[key] = whole
     return result
 
@@ -213,7 +214,7 @@ def station_with_absolute_path(station: str, file: Path) -> str:
 
 
 def paths_in(content: dict[str, Any]) -> Iterator[NamedPath]:
-    """Yield the keys of a station's content that name files or folders."""
+    """Yield the keys of a station's content that name files or folders; names of the package's models are left out."""
     for pattern in _KEYS:
         yield from _paths_at(content, pattern.split("."))
 
@@ -252,12 +253,12 @@ _ROBOT_FILES = (ROBOT_FILE, "gaits.yaml", "walking.yaml")
 def with_copied_files(config: StationConfig, folder: Path) -> StationConfig:
     """Copy the files of a station into a folder, and name the copies in the station by paths from that folder.
 
-    Robots are copied as they were imported. Keys with relative paths stay as they are, and so do keys of files that
-    cannot be read any more.
+    Robots are copied as they were imported. Keys that name no single file of data, such as a folder of packages or a
+    class, stay as they are. So do keys with relative paths, and keys of files that cannot be read any more.
 
     Args:
         config: the station. Its paths are absolute.
-        folder: the folder.
+        folder: the folder, in which a folder ``files`` is made.
 
     Returns:
         the changed station.
@@ -267,7 +268,8 @@ def with_copied_files(config: StationConfig, folder: Path) -> StationConfig:
     """
     content = config.model_dump(mode="json", exclude_none=True)
     for section, last, key in paths_in(content):
-        # A relative path names a copy already, of a result that is saved again.
+        # `_FILES_OF` finds the files that are copied, by the last part of the key. A relative path names a copy
+        # already, of a result that is saved again.
         if last not in _FILES_OF or not Path(section[last]).is_absolute():
             continue
         # A folder for each section, as files of two robots may have the same name.
@@ -293,7 +295,7 @@ def _copy_files(files: FilesToCopy, folder: Path) -> None:
 
 
 def _files_of_robot(model: RobotModel, main: Path) -> FilesToCopy:
-    """Files of a robot: those of its folder that are read, and its meshes.
+    """Find the files of a robot: those of its folder that are read, and its meshes with materials and textures.
 
     Args:
         model: the robot.
@@ -320,7 +322,7 @@ def _files_of_urdf(file: Path, _: str, options: ImportOptions) -> FilesToCopy:
 
 
 def _files_of_description(file: Path, key: str, _: ImportOptions) -> FilesToCopy:
-    """Files of a robot or a piece whose key names a `robot.yaml` or a `piece.yaml`."""
+    """Find the files of a robot or a piece whose key names a `robot.yaml` or a `piece.yaml`."""
     if not key.startswith("pieces."):
         return _files_of_robot(load_robot_file(file), file)
     piece = described_piece(file)
@@ -357,7 +359,7 @@ def _with_textures(meshes: Iterable[Path]) -> list[Path]:
     """List mesh files, each with the material and texture files that it names, as far as these exist."""
     files = list[Path]()
     for mesh in meshes:
-        # The folder of the mesh is searched for the files.
+        # The folder of the mesh is searched for the files; those that are missing are left out.
         found, _missing = MeshPlaces(mesh).needed_by(mesh)
         files += [mesh, *found.values()]
     return files

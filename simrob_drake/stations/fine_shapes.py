@@ -154,10 +154,10 @@ class FineShapes:
         first: GeometryId,
         second: GeometryId,
     ) -> float | None:
-        """Signed distance of two shapes [m], measured with their convex parts.
+        """Signed distance of two shapes [m], measured with their convex parts; negative if parts overlap.
 
-        Returns None if neither shape has convex parts. Drake's own distance, between the
-        hulls, is then the best available.
+        Returns None if neither shape has convex parts, or if one is a half-space. Drake's own
+        distance, between the hulls, is then the best available.
 
         Args:
             query: Drake's query object of the station, which contains the poses of the shapes.

@@ -1,6 +1,8 @@
 """A station with the ports of manipulation's ``MakeHardwareStation``, for code that was written for that one.
 
-Every robot of the station is a driver of its own name, such as ``iiwa``; the fingers of a robot are a second driver.
+A *driver* is the program of a real robot or gripper; its name begins the names of its ports. Every robot of the station
+is a driver of its own name, such as ``iiwa``; the fingers of a robot are a second driver, called its *gripper* here.
+The *arm* of a robot is its axes without the fingers.
 """
 
 from collections.abc import Mapping
@@ -70,16 +72,17 @@ class HardwareStation(Diagram):
             update={"inputs": tuple(dict.fromkeys((*config.inputs, "feedforward")))}
         )
         robots = resolve(config).robots
-        names = dict(grippers or {})
+        gripper_names = dict(grippers or {})  # by the name of the robot
         for robot in robots.values():
             if robot.model.fingers:
                 # A name that the user gives comes before the usual one.
-                names.setdefault(robot.name, f"{robot.name}_gripper")
+                gripper_names.setdefault(robot.name, f"{robot.name}_gripper")
 
         def finish(parser: Parser) -> None:
             """Name each robot's model instance as the robot, as in a scenario, and call the user's callback."""
             plant = parser.plant()
             for name, robot in robots.items():
+                # The station names an instance by the robot in the station, then by the robot in its URDF.
                 instance = plant.GetModelInstanceByName(
                     f"{name}::{robot.model.element.get('name')}"
                 )
@@ -89,7 +92,7 @@ class HardwareStation(Diagram):
         builder = DiagramBuilder()
         self.ports = add_station(builder, config, parser_preload=parser_preload, prefinalize=finish)
         for robot in self.ports.plant.robots.values():
-            _export_robot(builder, self.ports, robot, names.get(robot.name))
+            _export_robot(builder, self.ports, robot, gripper_names.get(robot.name))
         _export_plant(builder, self.ports)
         if meshcat is not None:
             MeshcatVisualizer.AddToBuilder(builder, self.ports.plant.scene_graph, meshcat)
@@ -144,7 +147,9 @@ def _export_robot(
     robot: StationRobot,
     gripper: str | None,
 ) -> None:
-    """Export the ports of one robot, and of its gripper if it has one.
+    """Export the ports of one robot, and of its gripper if it has one, and connect its inputs to those of the station.
+
+    The ports are those of `HardwareStation`. Matrices select the axes of the arm or the fingers from all axes.
 
     Args:
         builder: builder of the diagram.
@@ -172,7 +177,7 @@ def _export_robot(
     finger_rows = np.eye(count)[fingers]
 
     def export(name: str, rows: Vector, source: OutputPort) -> None:
-        """Export a product of a matrix and a port of the station."""
+        """Export the product of a matrix and a port of the station as an output of this name."""
         port = add_matrix_gain(builder, f"hardware.{name}", rows, source)
         if port is source:  # a port of the station may be exported under several names
             block = builder.AddNamedSystem(f"hardware.{name}", PassThrough(source.size()))
@@ -209,7 +214,7 @@ def _export_robot(
     if gripper is not None:
         opening = builder.AddNamedSystem(f"hardware.{gripper}.position", PassThrough(1))
         builder.ExportInput(opening.get_input_port(), f"{gripper}.position")
-        both = np.ones((1, len(fingers)))
+        both = np.ones((1, len(fingers)))  # a row that adds the values of both fingers
         # Each finger moves by half of the opening.
         spread = np.hstack([spread, finger_rows.T @ both.T / _FINGERS])
         reference = add_multiplexer(
@@ -221,7 +226,8 @@ def _export_robot(
         export(
             f"{gripper}.state_measured", np.block([[widths, no_width], [no_width, widths]]), state
         )
-        # Positive where the fingers press what is between them.
+        # The mean force of the fingers. Closing moves a finger to smaller positions, hence the minus: the force is
+        # positive where the fingers press what is between them.
         export(f"{gripper}.force_measured", -widths / _FINGERS, outputs["torque"])
     whole_reference = add_matrix_gain(
         builder, f"hardware.{robot.name}.whole_reference", spread, reference
@@ -234,7 +240,10 @@ def _export_robot(
 
 
 def _export_plant(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Export all outputs of the plant and its scene graph, the forces on the plant, and what inputs are left."""
+    """Export the outputs of the plant, the query port of its scene graph, and all inputs that are still open.
+
+    The open inputs are those for forces on the plant, and those of the station that `_export_robot` does not connect.
+    """
     plant = ports.plant.plant
     for index in range(plant.num_output_ports()):
         output = plant.get_output_port(index)

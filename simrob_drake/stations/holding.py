@@ -41,6 +41,10 @@ def holding_findings(
         ports: the built station, with its plant and its configuration.
         robot: the robot.
         positions: samples of its reference, shape (m, n) [rad or m].
+
+    Returns:
+        a finding for each axis, then findings about the tool and the payload as far as there is something to report. If
+        the links have no inertia, there is only a note that nothing was predicted.
     """
     config = ports.config
     # Torques change slowly along a reference, and each posture takes a solution of the dynamics.
@@ -53,12 +57,13 @@ def holding_findings(
         tool=robot.tools.get(robot.tcp),
         torque_limit=robot.gains.limit_at_rest,
     )
+    # Against gravity: a row for each posture, a column for each axis [N·m or N].
     torques = dynamics.gravity(postures)
     # Without any mass all torques are 0, which would look like a robot that holds easily.
     lacking = robot.model.links_without_inertia
     if lacking and np.abs(torques).max() <= NO_TORQUE:
         return [_no_inertia_finding(config, robot, lacking)]
-    # The last posture is where the reference ends and the robot comes to rest.
+    # The last posture is where the reference ends and the robot comes to rest. None if no sag can be predicted.
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
     for axis in range(len(robot.axes)):
@@ -67,7 +72,7 @@ def holding_findings(
             continue
         sag = None if sags is None else float(sags[axis])
         findings.append(_axis_finding(config, robot, axis, torques[:, axis], sag))
-    # The tool is lowest where all axes have sagged.
+    # The tool is judged where the robot comes to rest after all axes have sagged.
     if sags is not None:
         findings += _tool_findings(ports, robot, postures[-1] + sags)
     findings += _payload_findings(config, robot, dynamics, postures)
@@ -144,7 +149,7 @@ def _axis_finding(
     )
     limit = robot.gains.limit_at_rest[axis]
     effort_unit = robot.model.units[axis].effort
-    largest = torques[np.argmax(np.abs(torques))]  # with its sign
+    largest = torques[np.argmax(np.abs(torques))]  # the largest by magnitude, with its sign
 
     text = message(
         "stations.holding_takes",
@@ -353,6 +358,10 @@ def _payload_findings(
         robot: the robot.
         dynamics: model of the robot with its torque limits.
         postures: postures along the reference, shape (m, n) [rad or m].
+
+    Returns:
+        at most two findings. How much more the robot could carry is left out for a robot without a tool or with a
+        passive axis, and if a load has no effect on any motor.
     """
     subject = message("stations.payload_of", "payload of {robot}", robot=robot.name)
     findings = []
@@ -394,7 +403,14 @@ def _payload_finding(
     payload: float,
     robot: StationRobot,
 ) -> Finding:
-    """Make the finding about the mass [kg] that a robot could carry: a warning if the mass is implausible."""
+    """Make the finding about the mass [kg] that a robot could carry in addition: a warning if it is implausible.
+
+    Args:
+        subject: title of the finding.
+        text: the finding in words.
+        payload: the mass [kg]; 0 if the motors do not hold the robot itself.
+        robot: the robot.
+    """
     # A robot whose motors do not hold even the robot itself (payload 0) has a warning for each of these motors already,
     # so the doubt that `payload_doubt` has about this case is not asked for.
     if payload > 0:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from simrob_drake.base.messages import message
 from simrob_drake.parts.sensors.sensor import SampledSensor
+from simrob_drake.robots.motors import CommandBusConfig
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.findings import Finding
 from simrob_drake.stations.solver_config import ContactConfig, ContactMaterial
@@ -27,7 +28,11 @@ class _DelaySetting(NamedTuple):
 
 
 def ignored_settings(config: StationConfig) -> list[Finding]:
-    """Find the settings of surfaces and joint stops that the station's solver or its contact model ignores."""
+    """Find the settings of surfaces and joint stops that the station's solver or its contact model ignores.
+
+    Of joint stops, only the station's section ``joint_stops`` is looked at, not those of single robots. A kinematic
+    station, in which no forces act, has no such findings.
+    """
     if not config.engine.moves_by_forces:
         return []
     findings = list[Finding]()
@@ -47,10 +52,10 @@ def ignored_settings(config: StationConfig) -> list[Finding]:
 
 
 def rounded_delays(config: StationConfig) -> list[Finding]:
-    """Find the delays of buses and sensors that are rounded, since a delay lasts a whole number of samples."""
+    """Find the delays of servos' buses and of sensors that are rounded: a delay lasts a whole number of samples."""
     findings = []
     for setting in _delay_settings(config):
-        # A delay line holds whole samples: d = round(delay rate) / rate.
+        # A delay line holds whole samples: d = round(delay * rate) / rate [s].
         rounded = round(setting.delay * setting.rate) / setting.rate
         if abs(rounded - setting.delay) > SHORTEST_DELAY:
             text = message(
@@ -69,12 +74,16 @@ def rounded_delays(config: StationConfig) -> list[Finding]:
 
 
 def _delay_settings(config: StationConfig) -> Iterator[_DelaySetting]:
-    """Yield the delay of each servo's bus and of each sampled sensor."""
-    for name in config.robots:
+    """Yield the delay of each bus that a section of servos has, and of each sampled sensor."""
+    # By key, since several robots may share the section of the station.
+    buses = dict[str, CommandBusConfig]()
+    for name, robot in config.robots.items():
+        section = "servo" if robot.servo is None else f"{config.robot_key(name)}.servo"
         bus = config.servo_of(name).bus
         if bus is not None:
-            key = "servo.bus.latency" if config.only_robot else f"robots.{name}.servo.bus.latency"
-            yield _DelaySetting(key, bus.latency, bus.rate)
+            buses[f"{section}.bus.latency"] = bus
+    for key, bus in buses.items():
+        yield _DelaySetting(key, bus.latency, bus.rate)
     for name, sensor in config.sensors.items():
         if isinstance(sensor, SampledSensor):
             yield _DelaySetting(f"sensors.{name}.delay", sensor.delay, sensor.rate)

@@ -46,6 +46,7 @@ def import_findings(
     report = read_report(robot.model.folder)
     if report is None:  # the robot was not imported
         return findings
+    # The file that the station imports; None if the station names the robot by a model.
     imported_by_station = config.robots[robot.name].urdf
     source = source or imported_by_station or report.source
     subject = message("stations.import_of", "import of {file}", file=source.name)
@@ -109,7 +110,8 @@ def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
 def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     """Select the losses of an import that the station does not compensate, but for friction of its axes.
 
-    Mimic joints were reported as lost by older imports; stations now couple such an axis to its leader.
+    Mimic joints were reported as lost by older imports; stations now couple such an axis to its leader. Whether the
+    solver holds the coupling is judged elsewhere.
 
     Args:
         robot: the imported robot.
@@ -146,7 +148,7 @@ def _lost_frictions(robot: ResolvedRobot, lost: list[Entry]) -> dict[str, float]
     frictions = {}
     for loss in lost:
         axis = _axis_of_joint(robot, loss.element)
-        amount = _FRICTION.match(loss.text)
+        amount = _FRICTION.match(loss.text)  # its first group is the friction as a text
         if axis is not None and amount is not None and not has_friction[axis]:
             frictions[axis] = float(amount[1])
     return frictions

@@ -102,6 +102,7 @@ def ends_of(clearance: Clearance, robot: StationRobot) -> list[BodyChain]:
     A body is at an end if no body farther outward has a collision shape.
     """
     bodies_with_shapes = set(clearance.lowest(robot))
+    # Only bodies that an axis moves: the root link is no end.
     chains = [
         chain
         for chain in clearance.chains(robot)
@@ -113,7 +114,7 @@ def ends_of(clearance: Clearance, robot: StationRobot) -> list[BodyChain]:
 
 
 def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
-    """Find the groups of chains that may be the legs of a robot.
+    """Find the groups of chains that may be the legs of a robot. The robot is moved.
 
     The chains of a group have equally many axes, and are equal in at least one of their two lengths, see
     :func:`chain_lengths`. A group may be legs if it reaches about as low as the lowest group. The reach is measured at
@@ -130,11 +131,12 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     random = np.random.default_rng(0).uniform(
         *posture_range(robot), (_RANDOM_POSTURES, len(robot.axes))
     )
+    # Each trial has postures, and the height over the root from which the depth of chains is measured [m].
     trials = [(natural, 0.0), ([*natural, *random], 0.0)]
     if _stands_on_ends(clearance, robot, groups):
         trials.append((natural, _lowest_hip(clearance, robot, groups)))
-    for postures, zero in trials:
-        heights = [_lowest_height(clearance, robot, group, postures) - zero for group in groups]
+    for postures, level in trials:
+        heights = [_lowest_height(clearance, robot, group, postures) - level for group in groups]
         lowest_first = np.argsort(heights, kind="stable")
         # Heights below the root, or the hip, are negative: a low group has less than a fraction of the lowest height.
         # If the lowest height is positive, no group fulfils this.
@@ -174,7 +176,7 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     # Lengths of the first chain of each group, as by chain_lengths.
     lengths_of_groups = list[Vector]()
     for body, axes in ends_of(clearance, robot):
-        if len(axes) < 2:
+        if len(axes) < 2:  # such a body could not be put at a given point of the ground
             continue
         links = [robot.joints[axis].child_body() for axis in axes]
         lengths = chain_lengths(clearance, robot, axes)
@@ -185,7 +187,7 @@ def _equal_chains(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
             if has_equal_count and has_any_equal_length(lengths, group_lengths, _LENGTH_TOLERANCE):
                 group.append(leg)
                 break
-        else:
+        else:  # no group has a chain that equals this one
             groups.append([leg])
             lengths_of_groups.append(lengths)
     return groups
@@ -239,7 +241,7 @@ def _lowest_height(
     legs: list[Leg],
     postures: Iterable[Vector],
 ) -> float:
-    """Height of the lowest standing point of some legs over the root [m], over all given postures (n,)."""
+    """Height of the lowest standing point of some legs over the root [m], the lowest in all given postures (n,)."""
     heights = []
     for posture in postures:
         put_upright(clearance, robot, posture)
@@ -261,8 +263,8 @@ def _foot_support(
         body: the foot.
         axis: index of the axis that moves the foot.
     """
-    points = outline(clearance.station, body)
-    distances = np.linalg.norm(points, axis=1)
+    points = outline(clearance.station, body)  # shape (k, 3) [m], in the frame of the body
+    distances = np.linalg.norm(points, axis=1)  # from the joint, which is at the frame's origin
     joint = robot.joints[axis]
     direction = joint.revolute_axis() if isinstance(joint, RevoluteJoint) else np.zeros(3)
     put_upright(clearance, robot, straight(robot))
@@ -330,7 +332,9 @@ def _find_sole(
 
     # Large sides and sides that look down win: A (1.2 + cos), with the angle of the normal to down.
     score = side_areas * (_WEIGHT_OF_AREA + normals @ down)
-    best = sides[int(np.argmax(np.where(is_possible, score, -np.inf)))]
+    best = sides[
+        int(np.argmax(np.where(is_possible, score, -np.inf)))
+    ]  # whether each facet belongs to it
     # The centre and the normal are means over the facets, weighted by area.
     centre = (areas[best, np.newaxis] * corners[best].mean(axis=1)).sum(axis=0) / areas[best].sum()
     normal = areas[best] @ normals[best]

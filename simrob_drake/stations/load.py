@@ -8,6 +8,10 @@ A station has either the section ``robots``, with a name for each robot, or the 
 which is loaded as ``robots`` with the name "robot".
 
 Errors name the file or the override that causes them: the parameter ``where`` of many functions is this name.
+
+A *scene* is a file of another tool, such as model directives of Drake, whose models become robots and pieces. A
+*border* limits the files that a station's file may name. The *kind* of a section selects one of several classes for its
+keys.
 """
 
 import re
@@ -101,8 +105,10 @@ def load_station(
         mesh_path: further folders from which files, meshes and packages may be read.
 
     Raises:
-        UnknownName: there is no such station, robot or piece.
-        InvalidConfig: an entry is invalid; the message names file or override, key and what would be right.
+        UnknownName: the package has no station of this name.
+        InvalidConfig: there is no such file, or an entry is invalid, such as the name of a robot that does not exist;
+            the message names file or override, key and what would be right.
+        InvalidParameter: an argument has a wrong type.
     """
     where: Path | str
     if isinstance(station, Mapping):
@@ -191,7 +197,15 @@ def _read_station(
     allow_code: bool,
     mesh_path: tuple[Path, ...],
 ) -> StationConfig:
-    """Read a station's file and apply overrides. Relative paths in the file start at the file's folder."""
+    """Read a station's file and apply overrides. Relative paths in the file start at the file's folder.
+
+    Args:
+        path: the file: YAML with the keys of a station, or a scene of another tool.
+        overrides: new values, by dotted key.
+        where: name of the file or of the overrides, for errors.
+        allow_code: whether the station may name Python code that is run.
+        mesh_path: further folders from which files may be read.
+    """
     scenes = find_station_importer(path)
     if scenes is not None:
         # The file is a scene of another tool. It has no keys of a station but those of the overrides.
@@ -319,6 +333,7 @@ def _make_config(
     axes: dict[str, Sequence[str]] = {}
     others = {key: value for key, value in overrides.items() if key not in keys_of_axes}
     if keys_of_axes:
+        # A first configuration, of a copy of the content, only to find the names of the axes of each robot.
         before = _make_config(deepcopy(content), others, where, allow_code, mesh_path, warns=False)
         axes = {name: robot.axes for name, robot in resolve(before).robots.items()}
 
@@ -442,6 +457,9 @@ def _named_packages(
         content: content of the file. A section of another form is refused by the validation later.
         overrides: new values. Their relative paths start at the current folder.
         folder: folder at which relative paths in the file start.
+
+    Returns:
+        the folders by the name of the package. Overrides replace those of the file.
     """
     found = dict[str, Path]()
     section = content.get("packages")
@@ -605,7 +623,7 @@ def _station_file(name_or_path: str | Path) -> Path:
 
 
 def _program_content(program: Any, folder: Path, border: Border | None = None) -> Any:
-    """Content of a station's program with absolute paths.
+    """Content of a station's program with absolute paths. A program in a file of its own is read from this file.
 
     Args:
         program: value of the key ``program``: the path of the program's file, or the content of the program itself.
@@ -623,7 +641,7 @@ def _program_content(program: Any, folder: Path, border: Border | None = None) -
 
 
 def _rank(path: list[str]) -> int:
-    """Rank of an override by its path: overrides with a lower rank are applied first.
+    """Rank of an override by its path of keys: overrides with a lower rank are applied first.
 
     The kind of a section comes first, then the origin of a robot, then all others. A change of a kind or an origin
     drops keys of the section, which other overrides may set again.
@@ -708,6 +726,8 @@ def _changes_keys_only(value: Any, old: Any, path: list[str]) -> bool:
 
 def _drop_former_robot(section: Content, origin: str, value: Any) -> None:
     """Remove the keys from a robot's section that belong to the former robot, before a new robot replaces it.
+
+    They are the key of the other origin, the options of an import, and one initial position for all axes.
 
     Args:
         section: the robot's section, which is changed.

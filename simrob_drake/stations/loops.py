@@ -120,14 +120,15 @@ class LoopsOfRobot:
         Returns:
             indices of the passive axes, in ascending order.
         """
-        jacobian = self._jacobian(posture)
+        jacobian = self._jacobian(posture)  # a row for each deviation, a column for each axis
         longest_column = np.linalg.norm(jacobian, axis=0).max()
         # Relative, as the columns mix metres and radians and grow with the size of the robot.
         threshold = _INDEPENDENT * longest_column
         axis_count = jacobian.shape[1]
         passive = list[int]()
+        # Usually the axes of a robot are numbered from the base outward.
         outermost_first = list(reversed(range(axis_count)))
-        # Sorting keeps the order of equal keys: axes without a motor (False) come first.
+        # Sorting keeps the order of equal keys: axes without a motor have the key False, which comes first.
         order = sorted(outermost_first, key=lambda axis: not self._robot.passive[axis])
         for axis in order:
             columns = [*passive, axis]

@@ -28,7 +28,8 @@ def check_inputs(
 ) -> None:
     """Check that every input in a diagram is connected.
 
-    A block of the user's own may leave inputs open that it names in an attribute ``optional_inputs``.
+    Inputs that may be open pass: those of plants and scene graphs, of Drake's blocks with optional inputs, and those
+    that a block of the user's own names in an attribute ``optional_inputs``.
 
     Args:
         diagram: the diagram that is run.
@@ -36,7 +37,7 @@ def check_inputs(
         may_be_exported: whether an input of the diagram itself may be open, since its value is fixed in a context.
 
     Raises:
-        SimrobError: the open inputs, and how to connect or export them.
+        SimrobError: an input is open; the message lists the open inputs, and states how to connect or export them.
     """
     # A port has a value only in a context; values that are fixed in another context are not known
     # here.
@@ -83,6 +84,7 @@ def _open_inputs_within(
         context: context of the root diagram.
         name_of: finds names of the station's inputs.
     """
+    # The inputs of systems that are exported as inputs of this diagram, as pairs of a system's id and an index.
     exported = set[tuple[int, int]]()
     for index in range(diagram.num_input_ports()):
         for system, port_index in diagram.GetInputPortLocators(InputPortIndex(index)):
@@ -97,7 +99,15 @@ def _open_inputs_within(
 
 
 def _open_inputs_of(diagram: Diagram, context: Context, name_of: _Names) -> Iterator[str]:
-    """Yield the names of open inputs of the root diagram: nothing outside of it can feed them."""
+    """Yield the names of open inputs of the root diagram: nothing outside of it can feed them.
+
+    An input that feeds an input of the station has the name of the latter.
+
+    Args:
+        diagram: the root diagram.
+        context: its context.
+        name_of: finds names of the station's inputs.
+    """
     for index in range(diagram.num_input_ports()):
         port = diagram.get_input_port(index)
         if not port.HasValue(context):
@@ -114,7 +124,13 @@ def _open_inputs_of(diagram: Diagram, context: Context, name_of: _Names) -> Iter
 
 
 def _is_open(system: System, index: int, context: Context) -> bool:
-    """Whether an input must be connected and is not."""
+    """Whether an input must be connected and is not.
+
+    Args:
+        system: a system within the diagram.
+        index: index of its input.
+        context: context of the root diagram.
+    """
     if isinstance(system, (MultibodyPlant, SceneGraph)):
         return False  # what is not connected to a plant does not act
     # Blocks of the user's own are checked, too; Drake's others may have inputs that are optional.

@@ -3,6 +3,10 @@
 ``simrob check`` prints these findings, and every result repeats the warnings. They concern what a run cannot show by
 itself: settings without an effect, steps too long for a servo, contacts that are not as the shapes suggest. What a run
 does show, such as a joint that sags, is judged by its verdict.
+
+A *finding* is a text for the user about one subject; its level is ``warning``, ``note`` or ``ok``. In a *kinematic*
+station the robots follow their references exactly, and nothing moves by forces. *Contact points* are small balls at the
+corners of flat bodies, which a station can add in point contact.
 """
 
 from collections.abc import Mapping
@@ -71,10 +75,10 @@ def _controller_findings(config: StationConfig, ports: StationPorts) -> list[Fin
 
 
 def _weightless_findings(ports: StationPorts) -> list[Finding]:
-    """Report links without inertia in a kinematic station, whose weight the computed forces lack.
+    """Report links without inertia in a kinematic station, whose weight the computed torques do not include.
 
-    It is a warning for a robot with inertias, whose forces look right. If no link has one, all forces are zero, and
-    this is a note.
+    It is a warning for a robot of which other links have a mass: its torques look right, and are too small. If no link
+    has a mass, all torques are zero, and this is a note.
 
     Args:
         ports: the built station.
@@ -102,7 +106,8 @@ def _weightless_findings(ports: StationPorts) -> list[Finding]:
 def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
     """Warn, for each gripper, if it does not hold pieces by the friction that the station's file gives.
 
-    The reason is the contact model or the solver, which are the same for all grippers of a station.
+    The reason is the contact model or the solver, which are the same for all grippers of a station. A robot has a
+    gripper if its description names fingers.
     """
     problem = ""
     if config.contact is None:
@@ -134,6 +139,9 @@ def _grip_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
 
 def _surface_findings(config: StationConfig, plant: StationPlant) -> list[Finding]:
     """Warn if bodies touch at single points although extended surfaces would touch in reality.
+
+    There is at most one finding: about rigid bodies in hydroelastic contact (pressure over surfaces), or about a free
+    piece with a flat side in point contact.
 
     Args:
         config: configuration of the station.

@@ -1,4 +1,8 @@
-"""The section ``pieces`` of a station: single pieces, and many copies of a piece at random poses."""
+"""The section ``pieces`` of a station: single pieces, and many copies of a piece at random poses.
+
+A *pose* is x y z [m] and three angles Rz Ry Rx [rad], with the rotation R = Rz(rz) Ry(ry) Rx(rx). A *free* piece is
+moved by gravity and contact only; other pieces are mounted on a *parent*.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -58,6 +62,11 @@ class Scatter(Strict):
 
     @model_validator(mode="after")
     def _in_order(self) -> "Scatter":
+        """Check that in each range the lower value comes first.
+
+        Raises:
+            ValueError: a lower value is larger than its upper value.
+        """
         # Two corners become a pair (lower, upper) for each of x, y and z.
         ranges = [*zip(*self.within, strict=True), self.turn_deg]
         if any(lower > upper for lower, upper in ranges):
@@ -79,7 +88,7 @@ class Scatter(Strict):
         # same poses.
         random = np.random.default_rng(self.seed)
         drake_random = RandomGenerator(self.seed)
-        attempts = [self._draw_positions(random)]
+        attempts = [self._draw_positions(random)]  # lists of positions; the last one is used
         # Pieces that are placed badly may leave no room for the last one, though there is enough in
         # all.
         while len(attempts[-1]) < self.count and len(attempts) < _ATTEMPTS:
@@ -186,6 +195,11 @@ class PieceConfig(Strict):
 
     @model_validator(mode="after")
     def _free_of_parents(self) -> "PieceConfig":
+        """Check that a free piece has no parent but the world, and a scattered piece neither a parent nor a pose.
+
+        Raises:
+            ValueError: such a key is given.
+        """
         # `model_fields_set` has the keys that the user gave, even with their default values.
         if self.scatter is not None and {"parent", "pose"} & self.model_fields_set:
             raise ValueError(
@@ -206,6 +220,12 @@ class PieceConfig(Strict):
 
     @model_validator(mode="after")
     def _one_source(self) -> "PieceConfig":
+        """Check that the keys for the shape and the mass of the piece do not contradict each other.
+
+        Raises:
+            ValueError: there are several keys for the shape, a mesh among ``shapes``, a scale without a mesh, or both a
+                mass and a density.
+        """
         if len(self.sources) > 1:
             raise ValueError(
                 message(

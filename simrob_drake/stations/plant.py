@@ -1,4 +1,11 @@
-"""The multibody plant of a station: its robots, pieces and floor."""
+"""The multibody plant of a station: its robots, pieces and floor.
+
+A *resolved* station is its configuration with the robots and pieces that it names. In a *dynamic* station forces move
+the robots, in a *kinematic* one a given motion does (``engine.moves_by_forces`` is False). The *engine* is what moves a
+station: usually Drake's plant with one of Drake's solvers, or a block of an extension that *stands in* for the plant.
+The *scope* is a prefix of the names of model instances, by which several stations in one plant differ. A piece is
+*carried* if it is mounted on a robot, directly or through other pieces; it is *free* if nothing holds it.
+"""
 
 import logging
 import re
@@ -187,7 +194,11 @@ def add_plant(
 def add_empty_plant(
     builder: DiagramBuilder, config: StationConfig
 ) -> tuple[MultibodyPlant, SceneGraph]:
-    """Add a plant without bodies and its scene graph to a diagram, with the settings of a station."""
+    """Add a plant without bodies and its scene graph to a diagram, with the settings of a station.
+
+    These are the time step, the contact model, the approximation of contact if the solver is discrete, and gravity. The
+    systems are named ``plant`` and ``scene_graph``.
+    """
     engine = config.engine
     settings = MultibodyPlantConfig(
         time_step=engine.time_step,
@@ -330,12 +341,17 @@ def _add_standing_pieces(
     station: ResolvedStation,
     collision: bool,
 ) -> dict[str, RigidBody]:
-    """Add the pieces that no robot carries.
+    """Add the pieces that no robot carries: free pieces at their initial poses, and others, which are welded in place.
+
+    Args:
+        plant: the plant, which is not finalized.
+        station: the station.
+        collision: whether the pieces get collision shapes.
 
     Returns:
         the bodies of the free pieces among them, by name.
     """
-    instances: dict[str, ModelInstanceIndex] = {}
+    instances: dict[str, ModelInstanceIndex] = {}  # of the pieces that were added, by name
     free: dict[str, RigidBody] = {}
     # Each piece comes after its parent, so that the parent's frame exists.
     for name, piece in station.pieces.items():
@@ -397,6 +413,7 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
         top = block.pose.translation()[2] + block.half[2]
         relative_height = top / terrain.height
         brightness = 1 + _SHADE * relative_height
+        # Red, green and blue are brighter, the opacity stays. A block with a modulus is soft.
         colour = _SOFT_COLOUR if block.modulus else _FLOOR_COLOUR * ([brightness] * 3 + [1.0])
         plant.RegisterVisualGeometry(plant.world_body(), pose, box, name, np.clip(colour, 0.0, 1.0))
         if collision:
@@ -405,7 +422,7 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
 
 
 def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityProperties:
-    """Create the contact properties of a floor.
+    """Create the contact properties of a floor: hydroelastic ones if the station's contact needs them, and friction.
 
     Args:
         config: the station.
@@ -413,6 +430,7 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
     """
     surface = ProximityProperties()
     if config.contact is not None and config.contact.model != "point":
+        # 1.0 is the length of edges into which round shapes are divided [m], which has no effect on planes and boxes.
         if modulus is None:
             # A compliant box on a compliant one would fall back to points.
             AddRigidHydroelasticProperties(1.0, surface)
@@ -424,13 +442,18 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
 
 
 def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> None:
-    """Exclude contact among the links and carried pieces of each robot or, with self-collision, among its feet.
+    """Exclude contact among the links and carried pieces of each robot or, with self-collision, only among its feet.
 
     Feet are excluded because their contact spheres may reach beyond the foot, even into the other foot.
+
+    Args:
+        station: the finalized plant.
+        contact: section ``contact`` of the station, or None: then nothing collides, and nothing is excluded.
     """
     if contact is None:
         return
     for robot in station.robots.values():
+        # The bodies among which contact is excluded: all of the robot, or its feet.
         bodies = [
             station.plant.get_body(index) for index in station.plant.GetBodyIndices(robot.instance)
         ]
@@ -451,11 +474,17 @@ def add_robot(
 ) -> StationRobot:
     """Add a robot and the pieces that it carries to a plant that is not finalized.
 
+    The robot gets its base, the frame of an offset tool and, in a dynamic station, what its actuators need: limits,
+    gains and friction, as far as the solver realizes these in actuators.
+
     Args:
         plant: the plant.
         station: the station.
         robot: the robot.
         collision: whether its shapes take part in contact.
+
+    Returns:
+        the robot with its joints and frames in the plant.
 
     Raises:
         InvalidModel: links that move have no inertia, though the station is dynamic.
@@ -480,6 +509,7 @@ def add_robot(
     urdf = urdf_with_pieces(station, robot)
     scale_masses(urdf, station.config.robots[robot.name].mass_factors)
     if station.engine.moves_by_forces:
+        # Play is the backlash of an axis: its link may move by so much while its motor stands still.
         joint_names = [axis.joint for axis in model.axes.values()]
         add_play(urdf, dict(zip(joint_names, model.play.tolist(), strict=True)))
     name_in_plant = f"{station.scope}{robot.name}"
@@ -493,6 +523,7 @@ def add_robot(
     tools = {
         tool: plant.GetFrameByName(frame, instance) for tool, frame in robot.tool_frames.items()
     }
+    # The tool in use, or the frame at an offset from it, which then is a tool of its own.
     tcp = robot.tcp
     if robot.tcp_offset is not None and tcp:
         pose = transform_from_pose(robot.tcp_offset)
@@ -505,8 +536,8 @@ def add_robot(
             plant.get_joint_actuator(JointActuatorIndex(index))
             for index in range(plant.num_actuators())
         ]
-        # In the play the motor turns its rotor alone: without inertia its acceleration would be
-        # infinite.
+        # Joints whose motor has a rotor with inertia. Within the play the motor turns its rotor alone: without inertia
+        # its acceleration would be infinite.
         turning = {
             motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0
         }

@@ -171,7 +171,11 @@ def _sides(shape: PieceShape, folder: Path) -> tuple[float, ...]:
 
 
 def _mass_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
-    """Yield the doubts that arise if the mass and the inertia of a piece are compared with its shapes."""
+    """Yield the doubts that arise if the mass and the inertia of a piece are compared with its shapes.
+
+    The shapes are taken as solid. Nothing is compared if the piece has no mass or no shapes, or if Drake cannot compute
+    the volume of a mesh.
+    """
     model = piece.model
     solids = [shape.solid(model.folder) for shape in model.shapes]
     # A piece without shapes has nothing to compare with, and one without mass has no inertia.
@@ -206,9 +210,12 @@ def _poses_in(node: Any, key: str) -> Iterator[PoseAtKey]:
 
 
 def _entries(node: Any) -> Iterator[tuple[str, Any]]:
-    """Yield the name and the value of each entry of a node; nothing for a single value such as a number."""
+    """Yield the name and the value of each entry of a node; nothing for a single value such as a number.
+
+    The entries of a list have their indices as names.
+    """
     if isinstance(node, BaseModel):
-        yield from node
+        yield from node  # pydantic yields pairs of a field's name and its value
     elif isinstance(node, Mapping):
         for name, value in node.items():
             yield str(name), value
@@ -219,6 +226,7 @@ def _entries(node: Any) -> Iterator[tuple[str, Any]]:
 
 def _pose_doubts(found: PoseAtKey) -> Iterator[Doubt]:
     """Yield the doubts about a pose: an angle that is too large, a position that is too far away."""
+    # The largest angle suffices: a pose in degrees is wrong in all of them.
     angle = max(found.pose[3:], key=abs)
     if abs(angle) > MOST_TURN:
         turns = abs(angle) / (2 * np.pi)
@@ -235,7 +243,7 @@ def _pose_doubts(found: PoseAtKey) -> Iterator[Doubt]:
             radians=np.deg2rad(angle),
         )
         yield Doubt(found.key, text)
-    # The largest one suffices: a pose in millimetres is wrong in all of them.
+    # In the same way the largest coordinate suffices, for a pose in millimetres.
     coordinate = max(found.pose[:3], key=abs)
     if abs(coordinate) > _FARTHEST:
         text = message(

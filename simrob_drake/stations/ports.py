@@ -1,4 +1,11 @@
-"""The named ports of a station, and the labels of its plant, servos and joint stops in the block picture."""
+"""The named ports of a station, and the labels of its plant, servos and joint stops in the block picture.
+
+The *block picture* shows the diagram of a station. To *draw* a system means to give it a labelled box in the picture;
+systems that are drawn with the same key share a box, and ``draw_nothing`` makes a system a part of the arrows. Servos
+that are made of blocks are drawn as *rows*: one for each joint, named after its axis, or one row ``servo`` for all
+joints. A *group* is a list of indices of the axes that a box is about. The names of a robot's systems begin with its
+*prefix*, which is empty for the only robot. A *passive* axis has no motor.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -72,6 +79,8 @@ class StationPorts(Site):
 
 
 _MOTOR = "drives", "drive", "stall", "brakes", "brake"
+"""Last parts of the names of a motor's blocks: slope times speed is added, the sum is limited to the torque at rest
+(``stall``), and slope times speed is subtracted again."""
 _FEEDFORWARDS: dict[Feedforward, str] = {
     "none": "",
     "gravity": message("stations.block_gravity", "gravity"),
@@ -92,7 +101,10 @@ _PARTS = (
 
 
 def draw_plant(ports: StationPorts) -> None:
-    """Draw the plant with its robots, pieces and the servos inside of its actuators, stops and scene."""
+    """Draw the plant with its robots and pieces, the joint stops and the scene graph.
+
+    A kinematic station has no plant in its diagram: its block of inverse dynamics is drawn instead.
+    """
     config = ports.config
     robots = list(ports.plant.robots.values())
     robot_texts = [_robot_text(robot) for robot in robots]
@@ -110,6 +122,7 @@ def draw_plant(ports: StationPorts) -> None:
         ports.picture.draw("plant", "robot", join_texts([title, *robot_texts, *pieces], "\n"))
         # Otherwise the stops are a part of the solver, and no block.
         if robots and not config.engine.holds_joint_limits:
+            # Stiffnesses of all robots, then their dampings; each is shown as one text.
             stops = zip(*(robot.stops for robot in robots), strict=True)
             stiffness, damping = (shown_values(np.concatenate(values)) for values in stops)
             units = list(dict.fromkeys(unit for robot in robots for unit in robot.model.units))
@@ -132,10 +145,15 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
     """Draw servos that are made of blocks: a row for each joint, or one row for all joints.
 
     Of many joints, only the first and the last have a row. Those between share a single block.
+
+    Args:
+        ports: ports of the station.
+        robot: the robot.
+        per_joint: whether each joint has a row.
     """
     axes = robot.axes
     prefix = robot.prefix
-    # One block shows the limits of all.
+    # Then the actuators limit the torques, and one block of the diagram computes the limited torques of all joints.
     if ports.config.engine.limits_torques_in_actuators:
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
         _draw_motors(ports, f"{prefix}motors", list(range(len(axes))), robot)
@@ -165,7 +183,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
     """Draw the servos in the plant's actuators as a separate block next to the plant."""
-    driven = _axes_with_motor(robot, list(range(len(robot.axes))))
+    driven = _axes_with_motor(robot, list(range(len(robot.axes))))  # indices
     label = compound(
         "{joints}{passive}",
         joints=message(
@@ -195,12 +213,18 @@ def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
 
 
 def draw_feedforward(ports: StationPorts, robots: list[str]) -> None:
-    """Draw the block that predicts the torques of a desired motion: one block for all robots with a feedforward."""
+    """Draw the block that predicts the torques of a desired motion: one block for all robots with a feedforward.
+
+    Args:
+        ports: ports of the station.
+        robots: names of these robots.
+    """
+    # What the feedforwards compensate, each text once.
     kinds = dict.fromkeys(
         _FEEDFORWARDS[ports.config.servo_of(robot).feedforward] for robot in robots
     )
+    # With one robot it is clear whose motion is meant, with several the label names the robots.
     whose = message("stations.block_of_reference", "of the reference")
-    # With one robot it is clear whose motion is meant.
     if len(ports.plant.robots) > 1:
         whose = message("stations.block_of_robots", "of {robots}", robots=", ".join(robots))
     label = message(
@@ -231,13 +255,21 @@ def draw_integral(
     robot: StationRobot,
     row: str,
     group: list[int],
-    who: str,
+    title: str,
 ) -> None:
-    """Draw the integral part of a group of joints."""
+    """Draw the integral parts of a group of joints, as one box.
+
+    Args:
+        ports: ports of the station.
+        robot: the robot.
+        row: name of the servo's row without the prefix: that of an axis, or ``servo`` for all joints.
+        group: indices of the axes.
+        title: start of the label: the name of the axis, or the count of joints.
+    """
     gains = robot.gains
     units = [robot.model.effort_units[index] for index in group]
     limit = shown_limits(gains.integral_limit[group], units)
-    label = f"{translate(who)}: I\nki {shown_values(gains.ki[group])}, {limit}"
+    label = f"{translate(title)}: I\nki {shown_values(gains.ki[group])}, {limit}"
     for part in ("integrator", "integral_clip"):
         ports.picture.draw(
             f"{robot.prefix}{row}.{part}",
@@ -271,22 +303,32 @@ def _draw_servo(
     robot: StationRobot,
     row: str,
     group: list[int],
-    who: str,
+    title: str,
 ) -> None:
-    """Draw the servo of a group of joints. Passive joints have no servo: their block is labelled "no motor"."""
+    """Draw the servo of a group of joints: its loops, its saturation, its motors and its integral part.
+
+    Passive joints have no servo. If all joints of the group are passive, a single box is labelled "no motor".
+
+    Args:
+        ports: ports of the station.
+        robot: the robot.
+        row: name of the servo's row without the prefix: that of an axis, or ``servo`` for all joints.
+        group: indices of the axes.
+        title: start of the label: the name of the axis, or the count of joints.
+    """
     gains = robot.gains
     name = f"{robot.prefix}{row}"
     driven = _axes_with_motor(robot, group)
     if not driven:
-        label = message("stations.block_no_motor", "{axes}: no motor", axes=who)
+        label = message("stations.block_no_motor", "{axes}: no motor", axes=title)
         for part in ("pd", "saturation"):
             ports.picture.draw(f"{name}.{part}", "servo", label, robot, key=f"{name}.passive")
         return
-    without_motor = ""
+    without_motor = ""  # a further line of the label
     # The label of a group counts the axes with motors, and names those without.
     if len(driven) < len(group):
         several = message("stations.block_joints", "{count} joints", count=len(driven))
-        who = robot.axes[driven[0]] if len(driven) == 1 else several
+        title = robot.axes[driven[0]] if len(driven) == 1 else several
         without_motor = _passive_text(robot)
         group = driven
     units = [robot.model.units[index].si for index in group]
@@ -295,25 +337,26 @@ def _draw_servo(
     # A cascade: the position loop is a P controller kp / kd [1/s] for the speed.
     if gains.speed_limit is not None:
         limit = shown_limits(gains.speed_limit[group], [f"{unit}/s" for unit in units])
-        position_label = compound("{axes}: P\n{gain} 1/s", axes=who, gain=shown_values(kp / kd))
+        position_label = compound("{axes}: P\n{gain} 1/s", axes=title, gain=shown_values(kp / kd))
         ports.picture.draw(f"{name}.position_loop", "servo", position_label, robot)
         speed_label = message("stations.block_speed", "Speed\n{limit}", limit=limit)
         ports.picture.draw(f"{name}.speed_limit", "servo", speed_label, robot)
         label = message(
-            "stations.block_velocity", "{axes}: velocity\n{gain}", axes=who, gain=shown_values(kd)
+            "stations.block_velocity", "{axes}: velocity\n{gain}", axes=title, gain=shown_values(kd)
         )
         ports.picture.draw(f"{name}.velocity_loop", "servo", label, robot)
         ports.picture.draw_nothing(f"{name}.speed")
-    ports.picture.draw(f"{name}.pd", "servo", _pd_label(who, kp, kd) + without_motor, robot)
+    # A label has an effect only if the diagram has a system of this name: a cascade has none called `pd`.
+    ports.picture.draw(f"{name}.pd", "servo", _pd_label(title, kp, kd) + without_motor, robot)
     _draw_saturation(ports, f"{name}.saturation", group, robot)
     _draw_motors(ports, name, group, robot)
     if (gains.ki[group] > 0).any():
-        draw_integral(ports, robot, row, group, who)
+        draw_integral(ports, robot, row, group, title)
 
 
-def _pd_label(who: str, kp: Vector, kd: Vector) -> str:
+def _pd_label(title: str, kp: Vector, kd: Vector) -> str:
     """Label of the block of a PD servo, with the gains of its axes, shape (n,) each."""
-    return f"{translate(who)}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}"
+    return f"{translate(title)}: PD\nkp {shown_values(kp)}, kd {shown_values(kd)}"
 
 
 def _draw_motors(
@@ -322,7 +365,14 @@ def _draw_motors(
     group: list[int],
     robot: StationRobot,
 ) -> None:
-    """Draw the block of motors whose torque falls with their speed, if a group of joints has any."""
+    """Draw the block of motors whose torque falls with their speed, if a group of joints has any.
+
+    Args:
+        ports: ports of the station.
+        name: name of the motors' systems, without their last part.
+        group: indices of the axes.
+        robot: the robot.
+    """
     line = robot.gains.line
     if line is None or not line.slope[group].any():
         return
@@ -342,7 +392,14 @@ def _draw_saturation(
     group: list[int],
     robot: StationRobot,
 ) -> None:
-    """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor."""
+    """Draw the block that limits the torques of a group of joints, with the limits of those that have a motor.
+
+    Args:
+        ports: ports of the station.
+        name: name of the block.
+        group: indices of the axes.
+        robot: the robot.
+    """
     # If none has a motor, the limits of all are shown: they are 0.
     group = _axes_with_motor(robot, group) or group
     units = [robot.model.effort_units[index] for index in group]
@@ -352,7 +409,10 @@ def _draw_saturation(
 
 
 def _robot_text(robot: StationRobot) -> str:
-    """Describe a robot in the block of the plant: what it is, and its count of axes."""
+    """Describe a robot in the block of the plant: what it is, and its count of axes, on two lines if one is too short.
+
+    The name of the robot is left out if the station has no other robot.
+    """
     # The first part of a description names the robot, what follows it are details.
     kind = robot.model.description.split(",")[0]
     kind = kind if fits_line(kind) else robot.model.name

@@ -68,7 +68,7 @@ class PosedStation:
         add(builder, self.station)
         self._diagram = build_diagram(builder)
         self._root_context = self._diagram.CreateDefaultContext()
-        own_context = self.plant.CreateDefaultContext()
+        own_context = self.plant.CreateDefaultContext()  # of the plant alone
         is_plant_in_diagram = is_dynamic and self.station.stand_in is None
         if is_plant_in_diagram:
             self.context = self.plant.GetMyMutableContextFromRoot(self._root_context)
@@ -78,7 +78,7 @@ class PosedStation:
         self.place(self.initial)
 
     def place(self, positions: Vector) -> None:
-        """Set the positions of the plant, shape (nq,) [rad or m], and move all shapes accordingly."""
+        """Set the positions of the plant, shape (nq,) [rad or m; quaternions of free bodies], and move all shapes."""
         self.plant.SetPositions(self.context, positions)
         if self.station.stand_in is not None:
             self.station.set_positions(self._root_context, positions)
@@ -159,7 +159,7 @@ def posture_range(robot: StationRobot) -> tuple[Vector, Vector]:
 
 
 def random_posture(robot: StationRobot, random: np.random.Generator) -> Vector:
-    """Draw a random posture (n,) [rad or m] within :func:`posture_range`.
+    """Draw a random posture (n,) [rad or m], each axis uniformly between the bounds of :func:`posture_range`.
 
     The fingers of a gripper do not move independently: all are open by the same random fraction of their stroke.
     """

@@ -27,7 +27,8 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
 
     These are ``base_pose`` (7), ``tcp_pose`` (7) for the tool in use, ``tcp_pose.<tool>`` (7) for every tool, and for a
     robot that floats ``base_velocity`` (6): the linear velocity of the root link [m/s], then the angular velocity
-    [rad/s], in the world's axes.
+    [rad/s], in the world's axes. All poses are in the world. Names begin with the robot's prefix if there are several
+    robots.
     """
     plant = ports.plant.plant
     for robot in ports.plant.robots.values():
@@ -71,8 +72,8 @@ def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
 def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add the outputs for all free pieces to the ports of a station.
 
-    These are ``piece_pose.<piece>`` (7) and ``piece_velocity.<piece>`` (6): the linear velocity [m/s], then the angular
-    velocity [rad/s], in the world's axes.
+    These are ``piece_pose.<piece>`` (7) in the world, and ``piece_velocity.<piece>`` (6): the linear velocity [m/s],
+    then the angular velocity [rad/s], in the world's axes. A station without free pieces gets nothing.
     """
     plant = ports.plant.plant
     free = ports.plant.free_pieces
@@ -84,6 +85,7 @@ def add_free_pieces(builder: DiagramBuilder, ports: StationPorts) -> None:
     ports.outputs.add_report(builder, "piece_poses", poses, ports.state, *frames)
     label = message("stations.block_poses_of", "Poses of {names}", names=", ".join(free))
     ports.picture.draw("piece_poses", "sensor", wrap_label(translate(label)))
+    # Indices in the plant's state, by the name of the output.
     entries = {
         f"piece_velocity.{piece}": _free_velocity(plant, body) for piece, body in free.items()
     }

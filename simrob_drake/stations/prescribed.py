@@ -88,7 +88,7 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
         InvalidParameter: the station is kinematic, the robot has servos that prescribed joints exclude, or an axis is
             passive.
     """
-    keys = []
+    keys = []  # those of this robot
     for key in config.prescribed:
         if config.only_robot:
             keys.append(key)
@@ -176,6 +176,7 @@ def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> Resolve
     """
     references = {}
     for key, axis in prescribed_axes(config, robot.name, robot.model).items():
+        # A reference makes positions for all axes of a robot: for this one, of a robot with no other axis.
         single = alone_on(robot, axis)
         references[axis] = config.prescribed[key].trajectory(single, single.initial)
     if not references:
@@ -191,6 +192,8 @@ def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> Resolve
 
 def alone_on(robot: ResolvedRobot, axis: int) -> ResolvedRobot:
     """Copy a robot and leave it only one axis, so that a reference for a single axis can be made and checked with it.
+
+    Its axes and its initial positions are reduced to those of this axis; gains, motors and the like stay as they are.
 
     Args:
         robot: the robot.

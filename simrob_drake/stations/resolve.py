@@ -1,4 +1,10 @@
-"""A station's configuration with the robots and pieces behind its names: read once, and checked as a whole."""
+"""A station's configuration with the robots and pieces behind its names: read once, and checked as a whole.
+
+A *part* of a station is a sensor, a monitor, a controller, a coupling or a force. A *gear* is a coupling of axes; a
+*mimic joint*, which follows another joint by its robot's file, becomes a gear. The *carrier* of a piece is the robot on
+which it is mounted, directly or through other pieces, or the world. *Drives* are rotors, gears and friction of motors.
+The *engine* is what moves the station.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -98,8 +104,12 @@ def resolve(config: StationConfig) -> ResolvedStation:
 
 
 def _resolve_from_files(config: StationConfig) -> ResolvedStation:
-    """Resolve a station without a look at former results. Raises the errors of `resolve`."""
-    # Controllers need inputs that the station may not list.
+    """Read the robots and pieces of a station, and complete its configuration. Raises the errors of `resolve`.
+
+    The configuration of the result has the inputs that controllers need, and the gears of mimic joints that the engine
+    holds, in addition to those of the station's file.
+    """
+    # Controllers that read and drive signals of the station need inputs that its file may not list.
     loops = readers_of(config.controllers).values()
     needed_inputs = {name for loop in loops for name in loop.needs}
     added_inputs = sorted(needed_inputs - set(config.inputs))
@@ -115,7 +125,7 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     unheld_gears = {name: gear for name, gear in mimics.items() if name not in held}
     if held:
         config = config.model_copy(update={"couplings": {**config.couplings, **held}})
-    # Before the robots, as an axis may follow one of another robot.
+    # Initial positions by robot. Before the robots, as an axis may follow one of another robot.
     starts = starting_positions(config, models, unheld_gears)
     pieces = {piece.name: piece for piece in resolved_pieces(config, models)}
     # Sensors and couplings name robots, pieces and the world alike, so that a name must be unique.
@@ -143,7 +153,7 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
         ground=ground,
         robots=robots,
         pieces=pieces,
-        # Sensors that read others come after them.
+        # By the count of sensors that each one reads: those that read others come after them, and are not read.
         sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
         unheld_gears=unheld_gears,
@@ -152,7 +162,11 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
 
 
 def check_parts(station: ResolvedStation) -> None:
-    """Check that something moves, and that parts find what they name; raises SimrobError: key, what would be right."""
+    """Check that something in a station moves, that its engine supports its parts, and that parts find what they name.
+
+    Raises:
+        SimrobError: something does not fit; the message names the key and what would be right.
+    """
     config = station.config
     free = config.free_pieces
     if not (config.robots or free):
@@ -186,7 +200,7 @@ def check_parts(station: ResolvedStation) -> None:
 
 
 def _check_engine(config: StationConfig) -> None:
-    """Check that the engine of a station supports what the station contains.
+    """Check that the engine of a station supports its contact model, its prescribed joints and its couplings.
 
     Raises:
         InvalidParameter: the engine does not support the contact model, prescribed joints, or a coupling.
@@ -203,7 +217,9 @@ def _check_engine(config: StationConfig) -> None:
             engine=engine.name,
         )
         raise InvalidParameter("contact.model", config.contact.model, expected)
-    refused = dict[str, list[str]]()
+    refused = dict[
+        str, list[str]
+    ]()  # by the key of a section, the entries that the engine does not support
     if not engine.has_prescribed_joints:
         refused["prescribed"] = list(config.prescribed)
     if not engine.has_forces_of_couplings:
@@ -293,11 +309,11 @@ def _ground(
 
     Args:
         floor: the floor, or None if the station has no floor.
-        contact: model of contact, or an empty text without contact.
+        contact: model of contact, such as ``point``, or an empty text without contact.
         pieces: the station's pieces, each after its parent.
 
     Raises:
-        InvalidParameter: soft terrain with point contact.
+        InvalidParameter: the floor has soft terrain, but contact is at points.
     """
     boxes = tuple(_fixed_boxes(pieces))
     if floor is None:
@@ -397,8 +413,9 @@ def _robot(
         stops.stiffness, "joint_stops.stiffness", usual_stops["stiffness"]
     )
     damping = model.axis_vector(stops.damping, "joint_stops.damping", usual_stops["damping"])
+    # In a kinematic station the base of such a robot is held at its pose, too.
     floats = model.base == "floating"
-    # A robot with a free base stands on the floor, which may be inclined.
+    # A robot with a free base stands on the floor, which may be inclined: its base is relative to the floor.
     base = (ground.floor_pose if floats else RigidTransform()) @ transform_from_pose(entry.base)
     robot = ResolvedRobot(
         name=name,

@@ -35,6 +35,10 @@ def resolved_pieces(
 ) -> Iterator[ResolvedPiece]:
     """Yield the station's pieces, each after its parent.
 
+    Args:
+        config: configuration of the station.
+        robots: models of the station's robots, by name, for the frames on which pieces are mounted.
+
     Raises:
         SimrobError: a piece has a defect, or a parent or a frame that does not exist.
     """
@@ -91,9 +95,11 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
             own shapes that is free or carried has no mass.
         OutputError: the cache of converted meshes cannot be written.
     """
+    # Values of the section that replace those of the piece's own file.
     changes = {
         key: value for key, value in entry.model_dump(exclude_none=True).items() if key in _OWN_KEYS
     }
+    # Name or file of the piece, if the section has no shapes and no mesh.
     model = entry.model or name
     # A single form, such as `box:`, is a shape by itself; `shapes:` lists several.
     form = entry.model_dump(include={*FORMS}, exclude_none=True)
@@ -299,6 +305,7 @@ def held_pieces(
     """
     held: list[str] = []
     worn: list[str] = []
+    # A parent comes before its pieces, so that it is in one of the lists already.
     for piece, carrier in carriers.items():
         if carrier != robot:
             continue
@@ -306,8 +313,10 @@ def held_pieces(
         # Only a piece that is directly on the robot has a frame of the robot.
         frame = config.pieces[piece].frame if parent == robot else None
         is_on_link = frame is not None and frame not in own_tools
-        is_worn = parent in worn or is_on_link
-        (worn if is_worn else held).append(piece)
+        if parent in worn or is_on_link:
+            worn.append(piece)
+        else:
+            held.append(piece)
     return tuple(held)
 
 

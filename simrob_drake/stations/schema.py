@@ -12,14 +12,17 @@ SCHEMA_FILE = "station.schema.json"
 
 
 def station_schema() -> dict[str, Any]:
-    """Make the schema of a station's file: that of a configuration, with ``robot:`` for a single robot."""
-    # The schema is that of a configuration; a file may be shorter, so some keys are changed below.
+    """Make the schema of a station's file: that of a configuration, except for what a file may write in a shorter form.
+
+    A file may have ``robot:`` for a single robot, a program as the path of a file, no name, and entries without a kind
+    whose names are kinds.
+    """
     schema = StationConfig.model_json_schema()
     properties = schema["properties"]
     properties["robot"] = {"$ref": "#/$defs/RobotConfig", "description": RobotConfig.__doc__}
     program_schema = {"$ref": "../models/program.schema.json"}
     properties["program"]["anyOf"] = [{"type": "string"}, program_schema]
-    # Loading gives the name of the file, and makes `robots` of `robot`.
+    # A station without a name gets that of its file, and one with `robot` needs no `robots`.
     schema["required"] = [key for key in schema["required"] if key not in ("name", "robots")]
     schema["oneOf"] = [{"required": [key]} for key in ("robot", "robots")]
     # A station without robots moves pieces only.
@@ -27,7 +30,7 @@ def station_schema() -> dict[str, Any]:
     schema["oneOf"].append({"required": ["pieces"], "properties": no_robots})
     for family in (monitors, sensors, couplings, forces):
         for entry in family.KINDS.models.values():
-            # A part's name can be its kind.
+            # An entry such as `monitors.fall` has the kind of its name.
             schema["$defs"][entry.__name__]["required"].remove("kind")
     return schema
 

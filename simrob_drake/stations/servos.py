@@ -1,4 +1,9 @@
-"""The servos of a station's robots: gains, limits and motors, of the station, the robot's own file and its URDF."""
+"""The servos of a station's robots: gains, limits and motors, of the station, the robot's own file and its URDF.
+
+A robot has n axes. A *passive* axis has no motor, and so no servo. The *line* of a motor describes how its torque falls
+with its speed: from the *stall torque* at rest to zero at the speed without load. *Drives* are the rotors, gears,
+friction and backlash of the axes. Values that a user *states* are those in the station's file.
+"""
 
 from typing import Any
 
@@ -22,21 +27,23 @@ _DRIVE_KEYS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_de
 
 
 def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
-    """Find the motor of each axis of a robot: the station's, else the robot's own, with all values filled in.
+    """Find the motor of each axis of a robot: that of the station, else the robot's own, with all values filled in.
 
     The entry of an axis is None if its servo has no model of a motor, or if the axis is passive.
 
     Raises:
         UnknownName: there is no motor or no axis of that name.
-        InvalidParameter: a motor has no torque at rest or no speed without load, also not from the limits of the URDF,
-            or a supply is given without the voltage or current at which the motor's values hold.
-        Unsuitable: the station names a motor for a passive axis.
+        InvalidParameter: a motor takes its values from the URDF, which does not limit both effort and velocity, or a
+            supply is given without the voltage or current at which the motor's values hold.
+        Unsuitable: a motor has no torque at rest or no speed without load, or the station names a motor for a passive
+            axis.
     """
+    # One motor for all axes, a mapping by axis, or None: the name of a motor, or its values.
     choice = robot.servo.motor if servo.motor is None else servo.motor
     found: list[Motor | None] = [None] * len(robot.axes)
     if choice is None:
         return found
-    # One choice for all axes, or one for each axis that a mapping names.
+    # Axes that a mapping leaves out have no model of a motor.
     by_axis = choice if isinstance(choice, dict) else dict.fromkeys(robot.axes, choice)
     passive = _passive_indices(robot, servo)
     for axis, own in by_axis.items():
@@ -71,6 +78,10 @@ def passive_axis(key: str, axis: str) -> Unsuitable:
 def check_drives(robot: RobotModel, drives: Drives) -> None:
     """Check that a station gives no parts of a motor to passive axes by their names.
 
+    Args:
+        robot: the robot, with the passive axes of the station.
+        drives: the section ``drives`` of the robot in the station.
+
     Raises:
         Unsuitable: a mapping gives a rotor, a gear or backlash to a passive axis.
     """
@@ -95,11 +106,12 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     """
     if servo.passive is None:
         return robot
-    own = robot.servo.torque_limit
+    own = robot.servo.torque_limit  # of the robot's own file
     # NaN stands for axes without a value.
     limits = robot.axis_vector({} if own is None else own, LIMIT, np.nan)
     if servo.torque_limit is not None:
         limits = robot.axis_vector(servo.torque_limit, LIMIT, limits)
+    # Largest torques by axis, as far as they are given.
     known = {
         axis: limit
         for axis, limit in zip(robot.axes, limits.tolist(), strict=True)
@@ -137,6 +149,7 @@ def _complete_motor(choice: str | Motor, robot: RobotModel, axis: int) -> Motor 
     # The user may remove a motor that the robot's own file names.
     if stated.model == NO_MOTOR:
         return None
+    # The motor that is named, whose values are replaced below by those that are stated.
     if stated.model == OF_URDF:
         base = _motor_of_urdf(robot, axis)
     elif stated.model is None:
@@ -163,7 +176,7 @@ def _motor_of_urdf(robot: RobotModel, axis: int) -> Motor:
     """
     torque = float(robot.efforts[axis])
     speed = float(robot.speed_limits[axis])
-    # Two points define the line of a motor: effort at rest, and speed without torque.
+    # Two points define the line of a motor: effort at rest, and speed without torque. Missing values are infinite or 0.
     has_limits = np.isfinite([torque, speed]).all() and torque > 0
     if not has_limits:
         name = [*robot.axes][axis]
@@ -217,6 +230,9 @@ def drives_of(motors: list[Motor | None], robot: RobotModel) -> Drives:
     Args:
         motors: motor of each axis, or None.
         robot: the robot.
+
+    Returns:
+        mappings by axis for the keys of drives that at least one motor gives; the other keys are left out.
     """
     # A mapping without entries gives each axis the value NaN below.
     own_inertias = {} if robot.drives.rotor_inertia is None else robot.drives.rotor_inertia
@@ -250,7 +266,8 @@ def servo_gains(
     Args:
         robot: the robot, with the passive axes of the station.
         servo: the section ``servo`` of the robot.
-        dampers: whether the lines of motors are dampers of joints where they can be, as actuators need it.
+        dampers: whether dampers of the plant's joints represent the fall of the motors' torques with speed, where the
+            torque limits allow this.
 
     Raises:
         InvalidParameter: a value does not fit the law of the servos.
@@ -310,6 +327,7 @@ def _check_passive(robot: RobotModel, servo: ServoConfig) -> None:
         Unsuitable: the law needs motors on all axes, or a mapping gives a value above 0 to a passive axis.
     """
     names = robot.passive_axes
+    # Keys with which every axis needs a motor: their value as a text, which is empty if the station does not use them.
     needs_motors = {
         "servo.law": servo.law if servo.law != "pid" else "",
         "servo.admittance_gain": f"{servo.admittance_gain:g}" if servo.admittance_gain > 0 else "",
@@ -342,7 +360,11 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
     Args:
         motors: motor of each axis, or None.
         limit: torque limits of the servos, shape (n,) [N·m or N].
-        dampers: whether the slopes are dampers of joints where the limit allows it.
+        dampers: whether the slopes are dampers of joints where the limit allows it: where it does not cut the line.
+
+    Returns:
+        stall torques, slopes of the lines, and the slopes that dampers represent, shape (n,) each. A slope is 0 for an
+        axis without a motor.
     """
     # Torque at rest [N·m or N] and speed without load [rad/s or m/s] of each axis; infinite without a motor.
     lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
@@ -360,9 +382,13 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
 def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     """Check that servos and solver can realize a robot's motors.
 
+    Only motors that actuators of the plant realize have bounds. Kinematic stations, and robots without motor models,
+    pass.
+
     Raises:
-        Unsuitable: the law of the servos has no motor.
-        InvalidParameter: a torque limit or a gain does not fit the motor in an actuator; names the key and its bound.
+        Unsuitable: the law of the servos cannot be combined with motors.
+        InvalidParameter: a torque limit or a gain does not fit the motor in an actuator; the message names the key and
+            its bound.
     """
     gains = robot.gains
     servo = config.servo_of(robot.name)

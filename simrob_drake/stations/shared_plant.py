@@ -1,7 +1,8 @@
-"""A plant of the user's own in which stations stand: what they have added to it, and whether a station suits it.
+"""A plant of the user's own in which stations stand: a record of what they have added, and checks whether one suits it.
 
 A plant has one gravity, one time step and one contact model, and a simulation has one solver. A station that needs
-others is refused, with the call that would make the plant suit it.
+others is refused, with the call that would make the plant suit it. *Contact points* are small balls at the corners and
+edges of flat bodies, which touch other shapes in place of the flat shapes themselves.
 """
 
 from collections.abc import Sequence
@@ -91,7 +92,7 @@ _SHARED_PLANTS: WeakKeyDictionary[MultibodyPlant, SharedPlant] = WeakKeyDictiona
 
 
 def shared_plant(plant: MultibodyPlant) -> SharedPlant:
-    """Find the record of the stations in a plant of the user's own."""
+    """Find the record of the stations in a plant of the user's own. It is made at the first call for a plant."""
     return _SHARED_PLANTS.setdefault(plant, SharedPlant())
 
 
@@ -283,6 +284,8 @@ def _check_settings(plant: MultibodyPlant, config: StationConfig) -> None:
 def _check_same_solver(config: StationConfig, other: StationConfig) -> None:
     """Check that two stations in one plant agree on what they share: the solver, and how surfaces touch.
 
+    Contact is compared only if both stations have it.
+
     Raises:
         SimrobError: they differ; the message names the key.
     """
@@ -312,7 +315,12 @@ def _check_floor(
     station: ResolvedStation,
     scene_graph: SceneGraph,
 ) -> None:
-    """Check that the floor of a station can be the floor of the plant.
+    """Check that the floor of a station, if it has one, can be the floor of the plant.
+
+    Args:
+        contents: record of the stations that are in the plant.
+        station: the station that is to be added.
+        scene_graph: the scene graph of the plant.
 
     Raises:
         SimrobError: another station has another floor, or the user has added a shape of this name.

@@ -1,4 +1,8 @@
-"""The sections ``solver``, ``contact`` and ``verdict`` of a station's file."""
+"""The sections ``solver``, ``contact`` and ``verdict`` of a station's file.
+
+A *scheme* is an integrator or a discrete solver of Drake, by its name. An `Engine` describes what a scheme, or an
+engine of an extension, can do: other modules read its properties and compare no names of schemes.
+"""
 
 from abc import ABC, abstractmethod
 from dataclasses import replace
@@ -125,7 +129,7 @@ class SolverSection(Strict, ABC):
 
     @abstractmethod
     def tighter(self, factor: float = TIGHTER) -> Self:
-        """The same solver with steps and errors divided by a factor."""
+        """Copy the solver, with steps and errors divided by a factor."""
 
     @property
     @abstractmethod
@@ -166,7 +170,7 @@ class ContinuousSolver(SolverSection):
         return "max_step"
 
     def tighter(self, factor: float = TIGHTER) -> Self:
-        """Return the same scheme with accuracy and step divided by ``factor``."""
+        """Copy the solver, with its accuracy and its longest step divided by ``factor``."""
         # Both, since either may be what limits the steps.
         changes = {"accuracy": self.accuracy / factor, "max_step": self.max_step / factor}
         return self.model_copy(update=changes)
@@ -192,7 +196,7 @@ class DiscreteSolver(SolverSection):
         return "time_step"
 
     def tighter(self, factor: float = TIGHTER) -> Self:
-        """Return the same solver with its step divided by ``factor``."""
+        """Copy the solver, with its step divided by ``factor``."""
         return self.model_copy(update={"time_step": self.time_step / factor})
 
 
@@ -217,6 +221,11 @@ class Friction(Strict):
 
     @model_validator(mode="after")
     def _check_dynamic_is_not_more(self) -> "Friction":
+        """Check that the coefficient of sliding is not above that of sticking.
+
+        Raises:
+            ValueError: the coefficient of sliding is above.
+        """
         # A body that begins to slide would otherwise be held back more than before.
         if self.dynamic > self.static:
             raise ValueError(
@@ -387,7 +396,9 @@ class VerdictConfig(Strict):
         core: CoreSchema,
         handler: GetJsonSchemaHandler,
     ) -> JsonSchemaValue:
-        """Return the JSON Schema of the section, with the bounds of measures of installed extensions among its keys.
+        """Make the JSON Schema of the section, with the bounds of measures of installed extensions among its keys.
+
+        A measure is a number about a run, which the verdict compares with its bound.
 
         Args:
             core: description of the section by pydantic.
@@ -407,7 +418,7 @@ class VerdictConfig(Strict):
 
 
 def _keys_of_extensions() -> set[str]:
-    """Keys of the section ``verdict`` that belong to measures of installed extensions."""
+    """Keys of the section ``verdict`` that belong to measures (numbers about a run) of installed extensions."""
     keys = set[str]()
     # The class of measures, `Criterion`, cannot be imported here, since its module imports this one. An object of
     # another class has no keys, and the verdict reports it.

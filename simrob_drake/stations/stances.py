@@ -1,7 +1,9 @@
 """Postures in which a robot with a free base can stand on its legs, found by geometry and statics.
 
 A *stance* is a posture (positions of the robot's axes, shape (n,)) with the height of the upright root over the floor.
-A stance is *good* if statics finds nothing that prevents the robot from standing in it on its feet alone.
+A stance is *good* if statics finds nothing that prevents the robot from standing in it on its feet alone. The *support
+area* is the convex hull of the points that carry, seen from above; its *margin* is the distance of the centre of mass
+from its nearest side, negative outside of it. The *standing point* of a leg is the point of its foot that carries.
 """
 
 from collections.abc import Iterator, Sequence
@@ -141,6 +143,7 @@ class Stances:
         home = self.as_it_is()
         groups = legs_of(self._clearance, self._robot)
         if home is not None:
+            # The links that may touch the ground: the ends of all chains or, without legs, the root link, too.
             feet = {body.name() for body, _ in ends_of(self._clearance, self._robot)}
             if not groups:
                 feet.add(self._robot.root.body().name())
@@ -166,7 +169,9 @@ class Stances:
             lengths: lengths to which the legs are bent, as fractions of their full length, in the order of trial.
         """
         self._place(self._home)
+        # The hips: origins of the first links of the legs, shape (legs, 3) [m].
         hips = np.array([self._origin(leg.links[0]) for leg in legs])
+        # Many random postures, so that one of them has the legs about outstretched.
         random = self._random.uniform(
             *posture_range(self._robot), (10 * _RANDOM_SEEDS, len(self._home))
         )
@@ -236,10 +241,13 @@ class Stances:
             stance: the stance to be examined.
             legs: the legs on which the robot stands; empty at home.
             feet: names of the links that may touch the ground.
-            length: full length of the legs [m].
+            length: full length of the legs [m]; 0 if the other links need no distance from the ground.
+
+        Yields:
+            the stance, once or not at all.
         """
         leg_axes = {axis for leg in legs for axis in leg.axes}
-        # The legs have been balanced already.
+        # The legs have been balanced already, so that their axes stay.
         movable = set(range(len(self._home))) - leg_axes
         posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, movable)
         how = stance.how
@@ -253,6 +261,7 @@ class Stances:
         if tidy is None:
             return
         reasons = list(self._reasons_against(tidy.standing, feet, length))
+        # Stances with and without reasons are recorded, for `lacking`.
         self._examined.append((tidy.standing.margin, reasons))
         if not reasons:
             yield tidy
@@ -266,9 +275,9 @@ class Stances:
         """Yield the reasons that prevent the robot from standing steadily on its feet alone, in words.
 
         Args:
-            found: statics of the stance. The robot is placed in it.
+            found: statics of the stance. The robot is placed in it already.
             feet: names of the links that may touch the ground.
-            length: full length of the legs [m].
+            length: full length of the legs [m], by which the height of the other links is judged.
         """
         others = found.carrying_links.keys() - feet
         if others:
@@ -311,6 +320,7 @@ class Stances:
                 least=needed_margin * 1e3,
             )
 
+        # For each motor, the share of its torque at rest that standing takes, shape (n,).
         loads = self._robot.gains.holding_shares(found.torque)
         worst = int(np.argmax(loads))
         if loads[worst] > _MOTOR_LOAD:
@@ -340,6 +350,7 @@ class Stances:
             length: full length of the legs [m].
             how: the stance in words.
         """
+        # For each leg, the ways to bend it: lists of the positions of its axes.
         solutions = [
             self._solutions(leg, target, length) for leg, target in zip(legs, targets, strict=True)
         ]
@@ -356,6 +367,7 @@ class Stances:
             for leg, target, own_solutions in zip(
                 legs[1:], targets[1:], solutions[1:], strict=True
             ):
+                # Further ways: the mirror images of the first leg, corrected until the foot is at its point.
                 candidates = list(own_solutions)
                 for seed in self._mirrored_guesses(first_leg, first_angles, leg):
                     mirrored = self._solve(leg, target, length, seed)
@@ -438,6 +450,7 @@ class Stances:
             the stance, or None if a leg does not reach its point. After the last correction it may still be
             unbalanced, which its statics shows.
         """
+        # Legs of few joints cannot place their feet aside.
         moves_aside = len(legs[0].axes) > _ONLY_FORWARD
         targets = targets.copy()
         for _ in range(_SHIFTS):
@@ -447,6 +460,7 @@ class Stances:
                 if angles is None:
                     return None
                 posture[leg.axes] = angles
+            # `_feet` places the robot in this posture, with its root at the origin, for all that is measured below.
             middle = self._feet(legs, posture)[:, :2].mean(axis=0)
             lowest = self._clearance.lowest(self._robot)
             heights = np.array([lowest[leg.foot.name()] for leg in legs])

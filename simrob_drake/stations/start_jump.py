@@ -14,7 +14,7 @@ _LARGEST_SHIFT = 1e-3
 
 
 def axes_off_reference(robot: ResolvedRobot, start: Vector, reference: Vector) -> Indices:
-    """Find the axes whose reference begins away from the robot, the farthest first in its unit (deg or mm).
+    """Find the axes whose reference begins away from the robot, the farthest first; a degree counts as a millimetre.
 
     Args:
         robot: the robot.
@@ -34,7 +34,7 @@ def axes_off_reference(robot: ResolvedRobot, start: Vector, reference: Vector) -
 
 
 def jump_text(robot: ResolvedRobot, axis: int, start: float, reference: float) -> Message:
-    """Describe the jump of an axis at the start.
+    """Describe the jump of an axis at the start, in the user's unit: degrees, or metres of a prismatic axis.
 
     Args:
         robot: the robot.

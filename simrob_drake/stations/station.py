@@ -1,4 +1,10 @@
-"""Compose a station: plant, servos, poses, sensors, forces, controllers, monitors."""
+"""Compose a station: plant, servos, poses, sensors, forces, controllers, monitors.
+
+A *station* is given by its configuration; *resolved*, it also has the robots and pieces that the configuration names.
+To *wire* a station means to add its systems to a diagram and to connect them. Its *ports* are its inputs and outputs by
+name. *Loops* are controllers around the servos that the package offers, *signal flows* are controllers that are written
+as nets of blocks, and *own blocks* are systems that the user has written.
+"""
 
 from __future__ import annotations
 
@@ -175,7 +181,8 @@ def place_station(
 
     Add everything that shall stand in the world, call ``plant.Finalize()``, and then :meth:`PlacedStation.wire` of each
     station, which adds its servos, sensors and monitors to the diagram. The plant must have the station's gravity, time
-    step and contact model; :func:`add_world` makes such a plant.
+    step and contact model; :func:`add_world` makes such a plant. The plant gets the station's speed of stiction and,
+    for a discrete solver, output ports that are computed anew from each state.
 
     Args:
         plant: the plant, not finalized.
@@ -191,7 +198,7 @@ def place_station(
     """
     _check_name(name)
     scope = f"{name}." if name else ""
-    # The scope is the prefix of the names of model instances, which must differ in one plant.
+    # The names of model instances must differ in one plant, hence the scope as their prefix.
     resolved = replace(resolve(config_of(station, overrides)), scope=scope)
     # Before the first change of the plant: a refused station must leave nothing in it.
     check_plant(plant, scene_graph, resolved, name)
@@ -201,7 +208,7 @@ def place_station(
     if resolved.engine.has_discrete_states:
         # Otherwise signals could not be evaluated again from a recorded state.
         plant.SetUseSampledOutputPorts(False)
-    # Only one floor, or bodies would rest on two surfaces at once.
+    # Whether to add the floor: only one station does, or bodies would rest on two surfaces at once.
     floor = contents.needs_floor(resolved)
     models = add_models(plant, scene_graph, resolved, floor=floor, is_shared=True)
     contents.add(name, resolved, models.points)
@@ -337,8 +344,11 @@ def _add_named(
         name: name of the station in the diagram, or an empty text.
         add: adds the systems, and returns the ports of the station.
 
+    Returns:
+        the ports, with the name of the station.
+
     Raises:
-        SimrobError: the builder has systems of the same names.
+        SimrobError: the builder has systems of the same names. The station's systems have been added all the same.
     """
     # The builder may have other stations and blocks of the user, which keep their names.
     known = list(builder.GetSystems())
@@ -376,7 +386,12 @@ def _with_prefix(name: str, system: str) -> str:
 
 
 def _check_name(name: object) -> None:
-    """Check the name of a station in a diagram; raises InvalidParameter: a text that cannot be a prefix of names."""
+    """Check the name of a station in a diagram, which becomes a prefix of names.
+
+    Raises:
+        InvalidParameter: the name is no text, or has other characters than letters, digits, ``_`` and ``-``. An empty
+            name is allowed.
+    """
     is_name = isinstance(name, str) and (not name or re.fullmatch(r"[A-Za-z_][\w-]*", name))
     if not is_name:
         expected = message(
@@ -394,11 +409,12 @@ def _check_clash(known: Sequence[str], added: Sequence[str], name: str) -> None:
         name: name of the station in the diagram, or an empty text.
 
     Raises:
-        SimrobError: the names that are taken.
+        SimrobError: a name is taken; the message lists such names.
     """
     taken = sorted(set(known) & set(added))
     if not taken:
         return
+    # An error with hundreds of names would hide its remedy.
     listed = ", ".join(taken[:_MOST_NAMES]) + (" ..." if len(taken) > _MOST_NAMES else "")
     raise SimrobError(
         message(
@@ -504,6 +520,7 @@ def compose(
         # Loaded only if there is a flow, as the module is large.
         from simrob_drake.parts.controllers.signal_flow import add_flows
 
+        # Drake integrates a diagram with continuous states, and then asks the blocks of flows for derivatives, too.
         systems = [*builder.GetSystems(), *own.values()]
         integrated = any(system.num_continuous_states() for system in systems)
         add_flows(builder, ports, flows, monitors=monitors, integrated=integrated or not closed)
@@ -521,19 +538,26 @@ def compose(
 
 
 def _sort_by_robot(ports: StationPorts) -> None:
-    """Bring the columns of each robot together, in the order in which they were declared."""
+    """Sort the signals of a station's results by robots, in place; those of one robot keep their order.
+
+    All signals must be those of robots so far.
+    """
     # Outputs are declared part by part, so that the columns of several robots alternate.
     robots = list(ports.plant.robots.values())
     if len(robots) > 1:
-        place = {robot.prefix: index for index, robot in enumerate(robots)}
-        # Columns of a robot begin with its prefix, such as `arm.q.joint_1`. Sorting keeps the order of equal places.
+        order = {robot.prefix: index for index, robot in enumerate(robots)}
+        # The columns of a signal begin with the prefix of its robot: `arm.q.joint_1` belongs to the prefix `arm.`.
         ports.outputs.signals.sort(
-            key=lambda signal: place[f"{signal.names[0].partition('.')[0]}."]
+            key=lambda signal: order[f"{signal.names[0].partition('.')[0]}."]
         )
 
 
 def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Connect all external and generalized forces of a station to the inputs of its plant."""
+    """Connect all external and generalized forces of a station to the inputs of its plant.
+
+    External forces act on bodies, generalized forces on joints. Forces that are connected to these inputs already, by
+    another station in the plant or by the user, act as well.
+    """
     found = ports.spatial_forces
     if found:
         joined = ExternallyAppliedSpatialForceMultiplexer(len(found))
@@ -553,7 +577,7 @@ def gather_forces(builder: DiagramBuilder, ports: StationPorts) -> None:
         ports.picture.draw_nothing("joint_forces")
         port = ports.plant.plant_block.get_applied_generalized_force_input_port()
         before = _disconnect(builder, port)
-        if before is not None:
+        if before is not None:  # forces of others, which are added to those of the station
             joints = add_sum(builder, "all_joint_forces", before, joints)
             ports.picture.draw_nothing("all_joint_forces")
         builder.Connect(joints, port)

@@ -3,6 +3,9 @@
 A *servo* and a *stop* (the spring at the limit of an axis) act on the inertia of their axis. If they are too stiff for
 it, an explicit scheme becomes unstable, and a scheme with variable steps takes very small steps: it *creeps*. The
 findings compare stiffness and damping with the steps before a run.
+
+A *scheme* is an integrator of Drake, by its name. It has variable steps if *error control* chooses their lengths. A
+discrete solver has fixed steps. ``cenic`` is a scheme that sees the outputs of blocks only at the start of a step.
 """
 
 from collections.abc import Iterator, Mapping
@@ -61,7 +64,8 @@ def step_findings(
 ) -> list[Finding]:
     """Compare the servos and stops of all robots with the steps of the solver.
 
-    A finding also warns if the torques of prescribed joints may be wrong under this solver.
+    A finding also warns if the torques of prescribed joints, which follow a given motion, may be wrong under this
+    solver.
 
     Args:
         config: configuration of the station.
@@ -81,8 +85,8 @@ def step_findings(
 def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
     """Compare the damping of a robot's servos, which are evaluated explicitly, with the steps of the solver.
 
-    Only the axis that needs the shortest steps is reported. The list is empty for continuous solvers with an implicit
-    scheme.
+    Only the axis that needs the shortest steps is reported, in one finding. The list is empty for continuous solvers
+    with an implicit scheme.
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
@@ -194,7 +198,11 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
 
 
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
-    """Find the likely cause of a run that diverged. Returns it in words."""
+    """Find the likely cause of a run that diverged, and return it as a sentence.
+
+    It is the first warning of :func:`step_findings`. Without any, it is a guess: integral gains if there are some,
+    otherwise forces that are too stiff for the solver.
+    """
     # A warning before the run is the best guess at why the run failed.
     warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
     if warnings:
@@ -221,7 +229,7 @@ class StiffPart(NamedTuple):
 
     ratio: float  # stiffness divided by inertia [1/s²]
     limit: float  # largest ratio at which an implicit scheme does not creep [1/s²]
-    text: str  # description
+    text: str  # description: the beginning of a sentence, which goes on with "is so stiff that" or the like
 
 
 def _stiff_parts(
@@ -253,6 +261,7 @@ def _stiff_parts(
     is_near = distances < np.where(robot.model.prismatic, _NEAR_DISTANCE, _NEAR_ANGLE)
     # A stop that no axis comes near to never pushes, however stiff it is.
     stop_stiffness = np.where(is_near, robot.stops[0], 0.0)
+    # The two are described by the inertias of their axes, and judged by the inertias that they move.
     stops = _stiff_part(
         robot,
         message("stations.its_stop", "its stop (joint_stops.stiffness)"),
@@ -319,8 +328,8 @@ def stiffest(config: StationConfig, plant: StationPlant, context: Context) -> st
         context: context of the plant.
 
     Returns:
-        the description, such as "joint_2 moves 0.1 kg m², for which its servo (kp) of 1e+04 N·m/rad". It is empty if
-        the station has no robot.
+        the description, which is the beginning of a sentence, such as "joint_2 moves 0.1 kg m², for which its servo
+        (kp) of 1e+04 N·m/rad". It is empty if the station has no robot.
     """
     parts = []
     plant_positions = plant.plant.GetPositions(context)
@@ -364,7 +373,10 @@ def _creeping_findings(
 
 
 def controlled_by(config: StationConfig) -> ContinuousSolver | None:
-    """Settings of a station's solver if it chooses the length of its steps by error control; otherwise None."""
+    """Settings of a station's solver if it chooses the length of its steps by error control; otherwise None.
+
+    The result is None for a kinematic station, a discrete solver, another engine, and a scheme of fixed steps.
+    """
     solver = config.solver
     engine = config.engine
     if (
@@ -418,7 +430,13 @@ def apply_solver(
 
 
 def set_solver(simulator: Simulator, config: StationConfig) -> None:
-    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`."""
+    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`.
+
+    Nothing is changed for a kinematic station, or if the section ``solver`` is no continuous solver.
+
+    Raises:
+        UnsupportedSolver: the scheme ``cenic`` with a plant that is not a direct part of the root diagram.
+    """
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
     solver = config.solver
@@ -432,6 +450,7 @@ def set_solver(simulator: Simulator, config: StationConfig) -> None:
         use_error_control=not solver.engine.has_fixed_steps,
     )
     ApplySimulatorConfig(settings, simulator)
+    # The scheme `cenic` has settings of its own, which a `SimulatorConfig` does not contain.
     cenic = stepped_by(config)
     if cenic is not None:
         bound_steps(simulator, cenic)
@@ -445,7 +464,7 @@ def _check_only_plant(system: System, scheme: str) -> None:
         scheme: name of the scheme that needs this.
 
     Raises:
-        UnsupportedSolver: the plants that the diagram has instead.
+        UnsupportedSolver: the diagram has no such plant, or further ones; the message lists its plants.
     """
     plants = list(_plants_in(system, ""))
     if plants == ["plant"]:
@@ -463,7 +482,7 @@ def _check_only_plant(system: System, scheme: str) -> None:
 
 
 def _plants_in(system: System, path: str) -> Iterator[str]:
-    """Yield the names of the plants in a diagram, with the names of the diagrams around them.
+    """Yield the names of the plants in a diagram, at any depth, with the names of the diagrams around them.
 
     Args:
         system: the diagram, or a system that is none.

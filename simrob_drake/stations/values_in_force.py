@@ -1,4 +1,7 @@
-"""Values in force of keys that a station leaves out: they come from the files of its robots, motors and pieces."""
+"""Values in force of keys that a station leaves out: they come from the files of its robots, motors and pieces.
+
+A key is *dotted*: ``servo.kp`` is the key ``kp`` in the section ``servo``. Values have the units of their keys.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -68,7 +71,13 @@ def values_in_force(config: StationConfig) -> dict[str, ValueInForce]:
 def _robot_values(
     config: StationConfig, name: str, robot: ResolvedRobot
 ) -> Iterator[tuple[str, ValueInForce]]:
-    """Yield dotted keys and values of a robot that the station leaves out."""
+    """Yield dotted keys and values of a robot that the station leaves out: its tool, its feet, its servos and motors.
+
+    Args:
+        config: configuration of the station.
+        name: name of the robot.
+        robot: the robot with the values of its files.
+    """
     section = config.robots[name]
     top = config.robot_key(name)
     if section.tcp is None and robot.tcp:
@@ -103,7 +112,9 @@ def _servo_origin(servo: ServoConfig, robot: ResolvedRobot, key: str) -> Origin:
     # The integral part may reach the torque limit, unless it has its own limit.
     if key == "integral_limit" and servo.torque_limit is not None:
         return "station"
-    # The URDF is a file of the robot.
+    # The largest speed of a cascade is that of the URDF, a file of the robot, whatever motors the axes have.
+    if key == "speed_limit":
+        return "robot"
     return "motor" if any(robot.motors) else "robot"
 
 
@@ -126,7 +137,13 @@ def _as_written(robot: ResolvedRobot, values: Vector) -> Any:
 def _motor_values(
     key: str, stated: Motor, robot: ResolvedRobot
 ) -> Iterator[tuple[str, ValueInForce]]:
-    """Yield dotted keys and values that a known motor gives, where the station names the motor by ``motor.model``."""
+    """Yield dotted keys and values that a known motor gives, where the station names the motor by ``motor.model``.
+
+    Args:
+        key: dotted key of the motor's section, such as ``servo.motor``.
+        stated: the section as the station gives it.
+        robot: the robot, with the complete motor of each axis. Nothing is yielded if these motors are not all equal.
+    """
     motors = [motor for motor in robot.motors if motor is not None]
     # Motors of URDF efforts differ from axis to axis. Then no value is that of the section.
     if not motors or any(motor != motors[0] for motor in motors):
@@ -137,11 +154,16 @@ def _motor_values(
 
 
 def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[str, ValueInForce]]:
-    """Yield keys and values of a piece that the station leaves out."""
+    """Yield keys and values of a piece that the station leaves out.
+
+    Args:
+        section: section of the piece in the station.
+        piece: the piece with the values of its file, or computed from its shapes.
+    """
     has_own_shapes = (
         section.mesh is not None or section.shapes or section.model_fields_set & set(FORMS)
     )
-    # Mass properties follow from the shapes if the station gives a density, or shapes of its own.
+    # Mass properties follow from the shapes if the station gives a density or a mass, or shapes of its own.
     is_computed = has_own_shapes or section.density is not None or section.mass is not None
     for key in _PIECE_KEYS:
         if getattr(section, key) is not None:
@@ -153,7 +175,7 @@ def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[
             value = _round_value(value)
         if key in _MASS_KEYS and is_computed:
             yield key, ValueInForce(value, "shapes")
-        elif not has_own_shapes:
+        elif not has_own_shapes:  # a piece of the station's own shapes has no file
             yield key, ValueInForce(value, "piece")
 
 

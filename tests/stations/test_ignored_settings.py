@@ -8,6 +8,7 @@ import pytest
 from simrob_drake import load_station, simulate
 from simrob_drake.cli.app import run_command
 from simrob_drake.stations.checks import check_station
+from simrob_drake.stations.ignored_settings import rounded_delays
 
 DISCRETE = {"kind": "discrete", "time_step": 0.001}
 SAP_WARNING = (
@@ -148,3 +149,21 @@ def test_a_latency_that_is_no_whole_sample_is_noted(latency, note):
     assert [(finding.level, finding.text) for finding in found] == (
         [("note", note)] if note else []
     )
+
+
+def test_a_latency_is_named_by_the_section_that_has_it():
+    """Robots without servos of their own share the section of the station, which has one finding."""
+    bus = {"rate": 50, "latency": 0.03}
+    robots = {name: {"model": "irb120"} for name in ("left", "right")}
+    shared = {"name": "two", "robots": robots, "servo": {"bus": bus}}
+    assert [finding.subject for finding in rounded_delays(load_station(shared))] == [
+        "servo.bus.latency"
+    ]
+    own = {"name": "two", "robots": robots | {"right": {"model": "irb120", "servo": {"bus": bus}}}}
+    assert [finding.subject for finding in rounded_delays(load_station(own))] == [
+        "robots.right.servo.bus.latency"
+    ]
+    only = {"name": "one", "robot": {"model": "irb120", "servo": {"bus": bus}}}
+    assert [finding.subject for finding in rounded_delays(load_station(only))] == [
+        "robot.servo.bus.latency"
+    ]

@@ -61,6 +61,14 @@ def test_limits_that_differ_are_given_by_axis() -> None:
     assert limited["servo.integral_limit"] == ValueInForce(40, "station")
 
 
+def test_the_speed_of_a_cascade_is_that_of_the_robot_even_with_motors() -> None:
+    """Motors give torques to a servo; the largest speed that its position loop commands is that of the URDF."""
+    cascade = {"servo.law": "cascade", "servo.motor": "urdf", "servo.feedforward": "none"}
+    values = found("irb120_dynamic", cascade)
+    assert values["servo.torque_limit"].origin == "motor"
+    assert values["servo.speed_limit"].origin == "robot"
+
+
 def test_robots_that_share_a_section_but_not_the_value_have_none() -> None:
     """The belt has a kp of 20000 N/m and the arm one of 1000 N·m/rad."""
     values = found("belt_pick", {"mode": "dynamic", "servo.kp": None})
