@@ -47,7 +47,7 @@ def add_external_force(
 
     Args:
         builder: builder of the diagram.
-        plant: the finalized plant.
+        plant: the finalized plant, or the block of another engine that stands for it.
         frame: frame in whose axes the force acts.
         name: name of the block.
         point: point of the frame at which the force acts, shape (3,) [m].

@@ -224,8 +224,9 @@ class ServoGains:
             speed: speeds of the axes, shape (..., n) [rad/s].
 
         Returns:
-            shares, shape (..., n): 1 is all that the motor can give. The limit counts, and of a motor whose torque
-            falls with its speed its line, too. The share of a passive axis is 0.
+            shares, shape (..., n): 1 is all that the motor can give. Without a line, the share is the magnitude of the
+            torque over the torque limit. With a motor line, the larger share of voltage and current counts; the current
+            has a limit only if the torque limit is below the stall torque. The share of a passive axis is 0.
         """
         if self.line is None:
             return np.asarray(np.abs(torque) / self.judged_limit)

@@ -51,13 +51,14 @@ def piece_of_shape(
 def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
     """Name of the piece, link, floor or box of a terrain to which a shape belongs. Links have their robot's prefix."""
     inspector = plant.scene_graph.model_inspector()
+    # A shape of the floor has no owner: its name has no "::", so that its own name stands here, which is no robot's.
     owner = inspector.GetName(shape).partition("::")[0].removeprefix(plant.scope)
     name = own_name(inspector, shape)
     has_dot = "." in name
     piece = name.partition(".")[0]
     robot = plant.robots.get(owner)
     if robot is None:
-        # A piece that no robot carries is its own owner. Other shapes are those of the ground.
+        # A piece that no robot carries is its own owner. Other shapes are those of the ground, or of others in a shared plant.
         is_of_piece = has_dot and piece == owner
         return piece if is_of_piece else name
     if has_dot and piece in robot.carried:

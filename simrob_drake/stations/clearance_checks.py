@@ -282,7 +282,9 @@ def _self_findings(
 
 
 def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
-    """List the pairs of a robot's links that never count as a collision, with the reasons.
+    """List the pairs of a robot's bodies that never count as a collision, with the reasons.
+
+    Its bodies are its links and the pieces that it carries.
 
     Returns the end of a sentence, or an empty text if there are no such pairs.
     """

@@ -73,7 +73,7 @@ class ClosedStation:
         The attribute `references` is changed as well. Robots that are not in `players` keep their references.
 
         Args:
-            references: the new reference of each robot in `players`, by the robot's name.
+            references: the new reference of each robot in `players`, a trajectory of Drake, by the robot's name.
             forces: new pushes and drags by name, as in :meth:`play_forces`.
         """
         for robot, player in self.players.items():

@@ -232,7 +232,11 @@ def _path_text(file: Path, folder: Path | None) -> str:
 
 
 def _couplings(robot: RobotModel) -> dict[str, Any]:
-    """Make the content of the section ``couplings``: a gear for each axis that follows another axis."""
+    """Make the content of the section ``couplings``: a gear for each axis that follows another axis.
+
+    The equation of such a gear is 1 follower - factor leader = total, with the total in rad or m, as gears have it, and
+    not in degrees.
+    """
     couplings = dict[str, Any]()
     for axis, follower in robot.followers.items():
         couplings[follower_key(axis)] = {

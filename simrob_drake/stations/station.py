@@ -389,13 +389,14 @@ def _check_name(name: object) -> None:
     """Check the name of a station in a diagram, which becomes a prefix of names.
 
     Raises:
-        InvalidParameter: the name is no text, or has other characters than letters, digits, ``_`` and ``-``. An empty
-            name is allowed.
+        InvalidParameter: the name is no text, does not begin with a letter from a to z or A to Z or with ``_``, or has
+            other characters than letters, digits, ``_`` and ``-``. An empty name is allowed.
     """
     is_name = isinstance(name, str) and (not name or re.fullmatch(r"[A-Za-z_][\w-]*", name))
     if not is_name:
         expected = message(
-            "stations.name_of_letters", "a name of letters, digits, _ and -, such as arm"
+            "stations.name_of_letters",
+            "a name of letters, digits, _ and - that begins with a letter from a to z or with _, such as arm",
         )
         raise InvalidParameter("name", quote_value(name), expected)
 

@@ -147,7 +147,7 @@ class UnknownGround(SampledBlock):
         self._release_factor = np.exp(-period / section.release)
         self._settle_factor = np.exp(-period / section.settle)
         zero = np.zeros(size)
-        feet = np.zeros(len(limbs))
+        zero_of_feet = np.zeros(len(limbs))
         memory = {
             "offset": zero,
             "offset_velocity": zero,
@@ -155,9 +155,9 @@ class UnknownGround(SampledBlock):
             "posture": zero,  # positions of a leg when its foot touched [rad]
             "torques": zero,  # torques of a leg when its foot touched [N·m]
             "plan": zero,  # reference without the offset [rad]
-            "phase": feet + _STANDS,
-            "heights": feet,  # heights of the feet in the plan [m]
-            "sought": feet,  # distance by which each foot has moved on downward [m]
+            "phase": zero_of_feet + _STANDS,
+            "heights": zero_of_feet,  # heights of the feet in the plan [m]
+            "sought": zero_of_feet,  # distance by which each foot has moved on downward [m]
         }
         super().__init__(
             period=period,

@@ -340,7 +340,7 @@ def _contacts_port(builder: DiagramBuilder, site: Site) -> OutputPort:
     return builder.GetSubsystemByName(_CONTACTS).get_output_port()
 
 
-# Contacts with a smaller sum of forces carry no load, and have no normal [N].
+# Contacts with smaller forces carry no load, and a smaller sum of forces has no direction [N].
 _NO_LOAD = 1e-9
 
 
@@ -474,7 +474,9 @@ class MomentumBalance:
         sums = np.column_stack([sum_by_time(column) for column in normal_forces.T])
         is_loaded = model_load > _NO_LOAD
         lengths = np.linalg.norm(sums, axis=1, keepdims=True)
-        normals = np.divide(sums, lengths, out=np.zeros_like(sums), where=is_loaded[:, np.newaxis])
+        # Forces that cancel, such as those of two fingers on a part between them, have no mean normal.
+        has_normal = lengths > _NO_LOAD
+        normals = np.divide(sums, lengths, out=np.zeros_like(sums), where=has_normal)
         along = (model_forces * normals).sum(axis=1, keepdims=True)
         across = model_forces - along * normals
         # The sensor's share of the friction is its share of the load, as by Coulomb's law with equal coefficients.

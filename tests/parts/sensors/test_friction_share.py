@@ -111,3 +111,13 @@ def test_a_pad_without_load_gets_no_friction():
     force = sledge.force_on("right")
 
     assert force == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_normal_forces_that_cancel_have_no_normal():
+    """Two fingers that clamp a part push on it with opposite forces. All other force on it counts as friction."""
+    sledge = SlidingSledge(left_share=0.5)
+    sledge._contacts.forces[:] = [[0.0, 0.0, 100.0], [0.0, 0.0, -100.0]]
+
+    force = sledge.force_on("left")
+
+    assert force == pytest.approx([-0.5 * FRICTION * WEIGHT, 0.0, 100.0 + 0.5 * WEIGHT], abs=1e-9)
