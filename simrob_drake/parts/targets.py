@@ -58,7 +58,8 @@ def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
     piece = name.partition(".")[0]
     robot = plant.robots.get(owner)
     if robot is None:
-        # A piece that no robot carries is its own owner. Other shapes are those of the ground, or of others in a shared plant.
+        # A piece that no robot carries is its own owner. Other shapes are those of the ground, or of others in a shared
+        # plant.
         is_of_piece = has_dot and piece == owner
         return piece if is_of_piece else name
     if has_dot and piece in robot.carried:

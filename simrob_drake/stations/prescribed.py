@@ -327,10 +327,11 @@ def add_prescribed_torque(
     # values for each prescribed joint), then the plant's state.
     motions = builder.GetSubsystemByName(name).get_output_port()
     bus = add_multiplexer(builder, f"{name}.bus", motions, ports.state)
-    # Engines that hold joint limits by themselves, discrete ones and cenic, take the reference as it is at the start
-    # of a step.
+    # Discrete schemes and cenic take the reference as it is at the start of a step. MuJoCo, which would too, has no
+    # prescribed joints.
     engine = ports.config.engine
-    rate = _STEPPED_RATE if engine.holds_joint_limits else _CONTINUOUS_RATE
+    takes_start_of_step = engine.has_discrete_states or engine.holds_inputs_over_steps
+    rate = _STEPPED_RATE if takes_start_of_step else _CONTINUOUS_RATE
     law = _rotor_law(robot, rotors, rate)
     force = add_matrix_gain(builder, f"{name}.force", to_plant @ law, bus)
     ports.generalized_forces.append(force)
