@@ -150,8 +150,9 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
         elif isinstance(shape, Ellipsoid):
             # The sphere around the ellipsoid has a larger area, so that the bound is on the safe side.
             area += 4 * np.pi * max(shape.a(), shape.b(), shape.c()) ** 2
-    # Edges of the length h divide the surfaces into about area / h² faces, and the rims into length / h. The sum of
-    # the lengths h at which either alone has _MOST_FACES is a little longer than necessary for both together.
+    # Edges of the length h divide the surfaces into about area / h² faces, and the rims into length / h. With at most N
+    # faces, surfaces alone allow h = sqrt(area / N), and rims alone h = length / N. The sum of the two is enough for
+    # both together, and only a little more than needed.
     finest = np.sqrt(area / _MOST_FACES) + rim_length / _MOST_FACES
     if resolution < finest:
         expected = message(

@@ -188,9 +188,9 @@ def servo_inertias(
 
 
 def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
-    """Largest time step at which the damping of each axis is stable in an explicit scheme, shape (n,) [s].
+    """Largest time step at which the damping by the servo of each axis is stable in an explicit scheme, shape (n,) [s].
 
-    It is infinite for an axis without damping.
+    The damping is the servo's gain kd. The step is infinite for an axis without it.
     """
     with np.errstate(divide="ignore"):  # an axis without damping has no largest step
         return np.asarray(_STABLE * servo_inertias(config, robot) / robot.gains.kd)
@@ -289,7 +289,9 @@ def _add_signals(
     """Add the inputs of a robot and the signals that its servos read.
 
     Returns:
-        the signals: desired motion, state, and torques that are added. Inputs that the station does not list are None.
+        the signals: desired motion, state, and torques that are added. The derivatives of the desired motion are None
+        if neither the station lists them as inputs nor the servos need them; the added torques are None if the station
+        does not list them.
     """
     prefix = robot.prefix
     count = len(robot.joints)
@@ -297,6 +299,7 @@ def _add_signals(
     # The state of the axes: positions, then velocities, in the order and with the signs of the axes, size 2n.
     state = add_matrix_gain(builder, f"{prefix}axes", robot.axis_map.state_matrix, ports.state)
     split = Demultiplexer([count, count])
+    # The block splits the state into the outputs `position` and `velocity`. Its own name is `state`.
     ports.outputs.add_report(
         builder, f"{prefix}state", split, state, f"{prefix}position", f"{prefix}velocity"
     )

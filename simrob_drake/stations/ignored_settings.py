@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from simrob_drake.base.messages import message
-from simrob_drake.parts.sensors.sensor import SampledSensor
 from simrob_drake.robots.motors import CommandBusConfig
 from simrob_drake.stations.config import JointStops, StationConfig
 from simrob_drake.stations.findings import Finding
@@ -74,7 +73,7 @@ def rounded_delays(config: StationConfig) -> list[Finding]:
 
 
 def _delay_settings(config: StationConfig) -> Iterator[_DelaySetting]:
-    """Yield the delay of each bus that a section of servos has, and of each sampled sensor."""
+    """Yield the delay of each bus that a section of servos has, and of each sensor that takes samples."""
     # By key, since several robots may share the section of the station.
     buses = dict[str, CommandBusConfig]()
     for name, robot in config.robots.items():
@@ -85,8 +84,10 @@ def _delay_settings(config: StationConfig) -> Iterator[_DelaySetting]:
     for key, bus in buses.items():
         yield _DelaySetting(key, bus.latency, bus.rate)
     for name, sensor in config.sensors.items():
-        if isinstance(sensor, SampledSensor):
-            yield _DelaySetting(f"sensors.{name}.delay", sensor.delay, sensor.rate)
+        # Sensors of a continuous value have no delay, or no rate.
+        delay, rate = getattr(sensor, "delay", None), getattr(sensor, "rate", None)
+        if delay is not None and rate is not None:
+            yield _DelaySetting(f"sensors.{name}.delay", delay, rate)
 
 
 def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> list[Finding]:

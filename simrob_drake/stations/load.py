@@ -644,7 +644,8 @@ def _rank(path: list[str]) -> int:
     """Rank of an override by its path of keys: overrides with a lower rank are applied first.
 
     The kind of a section comes first, then the origin of a robot, then all others. A change of a kind or an origin
-    drops keys of the section, which other overrides may set again.
+    drops keys of the section, which other overrides may set again. Overrides of single axes below a number of all axes
+    are no part of this order: they are applied after all others.
     """
     is_in_section = len(path) > 1
     if path[-1] == "kind" and is_in_section:

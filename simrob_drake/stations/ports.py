@@ -409,7 +409,9 @@ def _draw_saturation(
 
 
 def _robot_text(robot: StationRobot) -> str:
-    """Describe a robot in the block of the plant: what it is, and its count of axes, on two lines if one is too short.
+    """Describe a robot in the block of the plant: what it is, and its count of axes.
+
+    The text has several lines if it does not fit one.
 
     The name of the robot is left out if the station has no other robot.
     """

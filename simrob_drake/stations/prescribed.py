@@ -161,8 +161,9 @@ def _check_servo(servo: ServoConfig) -> None:
 def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> ResolvedRobot:
     """Add the references of the prescribed axes to a robot, and remove the servos of these axes.
 
-    A reference is evaluated from the initial position of its axis, as those of other axes are. The initial positions of
-    the returned robot are those at which the references begin.
+    A reference gets the initial position of its axis as its start, as those of other axes do. It need not begin there:
+    a sine with a phase swings about it. The initial positions of the returned robot are those at which the references
+    begin.
 
     Args:
         config: configuration of the station.
@@ -176,7 +177,7 @@ def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> Resolve
     """
     references = {}
     for key, axis in prescribed_axes(config, robot.name, robot.model).items():
-        # A reference makes positions for all axes of a robot: for this one, of a robot with no other axis.
+        # `trajectory` makes positions for all axes of a robot, so it gets a robot that has this axis alone.
         single = alone_on(robot, axis)
         references[axis] = config.prescribed[key].trajectory(single, single.initial)
     if not references:
@@ -390,7 +391,9 @@ def _rotor_law(robot: StationRobot, rotors: Vector, rate: float) -> Vector:
 
 
 def _missed_torque(robot: StationRobot, plant: MultibodyPlant, rotors: Vector) -> Vector:
-    """Compute the matrix that gives S (ddq_r - dv/dt): the torques missing from the solver's accelerations.
+    """Compute the matrix that gives S (ddq_r - dv/dt), the torque for the accelerations that the solver falls short of.
+
+    The solver's accelerations dv/dt differ from the desired ones ddq_r, since it only tracks them.
 
     S is the inertia of the k prescribed joints at the start while the rest of the station moves freely:
     S = (B' M^-1 B)^-1 - J, with the mass matrix M (rotors J included) and the matrix B from joint torques to

@@ -215,7 +215,7 @@ class Stances:
     def _stance(self, posture: Vector, how: str) -> Stance | None:
         """Compute the stance of the robot in a posture (n,), with its lowest point on the floor.
 
-        Returns None if the robot has no collision shapes.
+        The posed station is left in this stance. Returns None if the robot has neither feet nor collision shapes.
         """
         self._place(posture)
         # The root is lifted by as much as the lowest point was below it.

@@ -209,9 +209,9 @@ class Body:
         singularity. All legs use it.
 
         Returns:
-            The matrix (6, m) that maps an error in the root's axes to the m corrected components, or None if the leg
-            corrects all of them. It depends on the direction in which the robot looks, so that the foot of a leg of
-            fewer joints stays flat and keeps its direction ahead.
+            The matrix B (6, m), or None if the leg corrects all components: ``error @ B`` are the m corrected
+            components of an error (6,) in the root's axes. It depends on the direction in which the robot looks, so
+            that the foot of a leg of fewer joints stays flat and keeps its direction ahead.
         """
         # From the root's axes to those of a root that looks along x: the same rotation for both halves of a pose error,
         # the rotation vector and the translation. Each row gives one of the components that `_CONTROLLED` lists.
@@ -221,12 +221,12 @@ class Body:
             return None
         root = self._plant.get_frame(self._root)
         foot = self._plant.get_frame(self._feet[0])
-        jacobian = self._transposed_jacobian(0, foot, root)
+        transposed_jacobian = self._transposed_jacobian(0, foot, root)
         candidates = [to_facing[components].T for components in _CONTROLLED[joint_count]]
 
         def smallest_singular_value(basis: Vector) -> float:
             """Measure how far a leg is from a singularity, with a basis (6, m)."""
-            return float(np.linalg.svd(jacobian @ basis, compute_uv=False)[-1])
+            return float(np.linalg.svd(transposed_jacobian @ basis, compute_uv=False)[-1])
 
         return max(candidates, key=smallest_singular_value)
 

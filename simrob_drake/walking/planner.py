@@ -454,13 +454,15 @@ class WalkPlanner:
         return stride._replace(trunk=stride.trunk._replace(desired_heading=heading))
 
     def _begin_first_step(self, stride: Stride, command: Command, error: complex) -> Stride:
-        """Begin the first step: with the usual foot after the settling time, or at once if there is an error.
+        """Begin the first step.
+
+        Without an error the present swing foot steps, after the weight has gone to the other foot for `settle` seconds.
+        With an error the step begins at once, with the foot on the side of the error.
 
         Args:
             stride: state of the standing robot.
             command: desired motion.
-            error: part of the divergent component's error outside of the deadband [m], or 0. The foot on its side
-                steps.
+            error: part of the divergent component's error outside of the deadband [m], or 0.
         """
         # Positive if the left foot stands, negative if the right one does.
         # Index 1 is the left foot, and an imaginary part above zero is to the left, too. The foot on the side of the
@@ -471,6 +473,7 @@ class WalkPlanner:
         settling = 0.0 if error else self._parameters.settle
         stride = self._begin_step(stride, command, hurries=bool(error))
 
+        # A first step has other durations than those that `_begin_step` set: only the settling comes before it.
         duration = settling + self._parameters.step_time
         step = stride.step._replace(
             active=1.0,

@@ -167,3 +167,16 @@ def test_a_latency_is_named_by_the_section_that_has_it():
     assert [finding.subject for finding in rounded_delays(load_station(only))] == [
         "robot.servo.bus.latency"
     ]
+
+
+@pytest.mark.parametrize(
+    ("rate", "delay", "subjects"),
+    [(50, 0.03, ["sensors.touch.delay"]), (50, 0.04, []), (None, 0.0, [])],
+)
+def test_a_force_sensors_delay_is_noted_if_it_is_no_whole_sample(rate, delay, subjects):
+    sensor = {"kind": "force", "body": "robot", "rate": rate, "delay": delay}
+    config = load_station("irb120_force_stop", {"sensors": {"touch": sensor}})
+
+    found = rounded_delays(config)
+
+    assert [finding.subject for finding in found] == subjects

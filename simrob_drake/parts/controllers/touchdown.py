@@ -300,7 +300,7 @@ class UnknownGround(SampledBlock):
             velocity: velocity of the plan, shape (n,) [rad/s].
             follows: whether the leg follows the reference.
         """
-        # Stored torques of zero mean that the leg did not touch early, but as planned: then it stands with its offset.
+        # If the stored torques are all 0, the leg touched as planned, not early: then it stands with its offset.
         if follows:
             new["torques"][leg] = 0.0
         elif new["torques"][leg].any():

@@ -497,7 +497,7 @@ class WalkingLoop(SampledBlock):
         self.remember(context, {"hand": np.array([1.0, *values])})
 
     def sample(self, memory: Named, read: Named) -> Changes:
-        """Compute the next posture, or the way to the first one. While another loop moves the robot, do nothing.
+        """Compute the next posture, or the way to the first one. While another loop moves the robot, be inactive.
 
         Args:
             memory: memory before the sample.

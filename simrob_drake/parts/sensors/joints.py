@@ -300,10 +300,10 @@ class ExternalTorque(SampledSensor):
 def _add_motor_torque(
     builder: DiagramBuilder, site: Site, name: str, robot: StationRobot
 ) -> OutputPort:
-    """Find the motor torques of a robot, without the dampers that the plant's joints have for motors.
+    """Find the torques of a robot's motors before the plant's dampers reduce them: tau + D v.
 
-    A damper of the joint represents how the torque of a motor falls with its speed. The station's output ``torque`` is
-    the torque after this fall. The observer gets the dampers from the plant, so they are added back here.
+    A damper of a joint represents how the torque of its motor falls with the speed. The station's output ``torque`` is
+    tau, the torque after this fall. The observer knows the dampers from the plant, so their part D v is added back.
 
     Args:
         builder: builder of the diagram, to which blocks are added if there are such dampers.

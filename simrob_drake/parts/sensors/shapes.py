@@ -251,9 +251,10 @@ class Force(ShapeSensor):
         site.outputs.add(f"moment.{name}", split.get_output_port(1), moment)
 
     def _add_samples(self, builder: DiagramBuilder, name: str, wrench: OutputPort) -> OutputPort:
-        """Add the block that samples a wrench (6), if the sensor has a rate, and return the port of its result.
+        """Add the block that samples a wrench (6), and return the port of its result.
 
-        Without a rate it is the port of the true wrench.
+        The block is a sample and hold for a sensor without errors, and `MeasuredWrench` for one with errors, such as
+        noise. A sensor without a rate has no block: the port is that of the true wrench.
 
         Args:
             builder: builder of the diagram.
