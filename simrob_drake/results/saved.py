@@ -59,6 +59,7 @@ def load_result(folder: Path | str) -> SavedResult:
     Raises:
         InvalidConfig: the folder holds no result, or a damaged one.
     """
+    # The signals come from signals.csv; the summary has everything that is not a signal.
     path = as_path(folder, "folder")
     signals = read_signals(path)
     summary = parse_json(text_of(path / SUMMARY), path / SUMMARY)
@@ -101,9 +102,12 @@ def plot_results(*results: AnyResult, signals: Sequence[str] = ()) -> NotebookFi
 
 
 def _signals_of(result: AnyResult) -> SavedSignals:
-    """Signals of a result in any of its forms.
+    """Signals of a result in any of its forms, with the name that the legend of a figure shows.
+
+    The name of a run has the gains of its first robot, since runs of the same station would have equal names.
 
     Raises:
+        InvalidConfig: the folder holds no result.
         InvalidParameter: the value is no result.
     """
     if isinstance(result, SavedSignals):

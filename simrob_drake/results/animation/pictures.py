@@ -161,8 +161,11 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
 def check_frames(frames: Frames) -> None:
     """Check how many images a strip shall have.
 
+    Args:
+        frames: a count, or "events".
+
     Raises:
-        InvalidParameter: there are fewer than two images.
+        InvalidParameter: it is another text, or a count below two.
     """
     if frames != "events" and (not isinstance(frames, int) or frames < 2):
         raise InvalidParameter(
@@ -260,7 +263,7 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
 
 
 def _check_video(file: Path) -> None:
-    """Read a video to its end: ffmpeg reports no error when the disk becomes full.
+    """Check that a video is complete, by reading it to its end: ffmpeg reports no error when the disk becomes full.
 
     Raises:
         OutputError: the video is not complete.
@@ -291,11 +294,11 @@ def frame_writer() -> Callable[..., Any]:
 
 
 def captions_of(result: RecordedRun, studio: "Studio", times: Vector) -> list[str]:
-    """Write the captions of a run's images at times (k,) [s], with the distance of a robot that walks.
+    """Write the captions of a run's images: the time, and the distance of a robot that walks from its start.
 
     Args:
         result: the run.
-        studio: draws its images.
+        studio: the studio that draws its images, which has found out whether a robot walks.
         times: times of the images, shape (k,) [s].
     """
     walks = studio.robot_displacement is not None
@@ -330,7 +333,8 @@ def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
     line_count = max(text.count("\n") for text in wrapped_texts) + 1
     caption_height = line_height * line_count
 
-    # As many rows as needed, then as few columns as these rows need, so that all rows are about equally full.
+    # As many rows as needed for the largest width, then as few columns as these rows need, so that all rows are about
+    # equally full; this may need fewer rows.
     row_count = _ceiling_division(len(images) * width, round(_WIDEST * height))
     column_count = _ceiling_division(len(images), row_count)
     row_count = _ceiling_division(len(images), column_count)
@@ -379,7 +383,8 @@ class Studio:
     The camera does not move, or follows a robot that walks.
 
     Attributes:
-        robot_displacement: displacement of the robot that walks; None if no robot walks.
+        robot_displacement: displacement since the start of the robot that walks, without the sway of its steps, shape
+            (k, 3) [m] at times (k,) [s]; None if no robot walks.
         camera_displacement: displacement of the camera; None if the camera does not move.
     """
 
@@ -442,7 +447,10 @@ class Studio:
 
 
 class Still:
-    """A station in front of a camera, without a run. The camera follows robots on legs."""
+    """A station in front of a camera, without a run.
+
+    If the base of a robot moves freely, the camera follows the middle of all bodies.
+    """
 
     def __init__(self, config: StationConfig) -> None:
         """Set the camera up for a station.
@@ -464,7 +472,14 @@ class Still:
         self._lens = _Lens(self._camera, _STILL, oversampling=1)
 
     def image(self, positions: Vector) -> Pixels:
-        """Render an image, shape (360, 480, 3), of positions of the whole plant, shape (nq,)."""
+        """Render an image of the station.
+
+        Args:
+            positions: positions of the whole plant, shape (nq,).
+
+        Returns:
+            the image, 360 pixels high and 480 wide, shape (360, 480, 3).
+        """
         camera = self._camera
         if self._follows:
             # The middle of all bodies, since without a run no signal of the base exists.
@@ -499,7 +514,16 @@ class _Lens:
         self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
 
     def image(self, scene: ViewedStation, positions: Vector, camera: Camera) -> Pixels:
-        """Render a scene at positions (nq,), which it keeps, as a camera sees it."""
+        """Render a scene at some positions as a camera sees it.
+
+        Args:
+            scene: the scene. It keeps the positions.
+            positions: positions of the plant, shape (nq,).
+            camera: the camera.
+
+        Returns:
+            the image, shape (height, width, 3).
+        """
         scene.place(positions)
         query = scene.query()
         rendered = query.RenderColorImage(

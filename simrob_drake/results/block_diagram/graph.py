@@ -134,7 +134,10 @@ class BlockGraph:
         return source_rank <= target_rank
 
     def drawn_arrows(self) -> list[Arrow]:
-        """Arrows to draw. Two blocks that exchange signals have a single arrow with two heads."""
+        """Arrows to draw. Two blocks that exchange signals have a single arrow with two heads.
+
+        An arrow to a port of the station has no text, since the label of the port has the name of the signal.
+        """
         drawn = []
         for ends, signals in self.arrows.items():
             text = ", ".join(signals)
@@ -167,7 +170,11 @@ class BlockGraph:
                 self._bypass(bar.key)
 
     def _bypass(self, key: str) -> None:
-        """Remove a block, and connect each of its sources to each of its targets."""
+        """Remove a block, and connect each of its sources to each of its targets.
+
+        Args:
+            key: key of the block.
+        """
         for source in self.sources(key):
             for target in self.targets(key):
                 # The names behind the block are more specific, such as the part of the state that a target reads.
@@ -200,7 +207,13 @@ class BlockGraph:
         return graph
 
     def neighbourhood(self, key: str) -> "BlockGraph":
-        """Graph of a block alone with its sources and its targets, without the ports of the station."""
+        """Graph of a block with its sources and its targets only, without the ports of the station.
+
+        Of the arrows, those from and to the block remain.
+
+        Args:
+            key: key of the block.
+        """
         graph = BlockGraph(self.title)
         neighbours = {key, *self.sources(key), *self.targets(key)}
         for name, block in self.blocks.items():
@@ -312,7 +325,11 @@ class _PortGroup(NamedTuple):
 
 
 def nets_of(graph: BlockGraph) -> list[Net]:
-    """Collect the arrows of a graph into nets, including those to the outputs of the station."""
+    """Collect the arrows of a graph into nets, including those to the outputs of the station.
+
+    Arrows with the same source and the same text are one net. A bus has a net for each joint, and each exchange of
+    signals is a net of its own.
+    """
     nets: dict[_NetKey, Net] = {}
     port_groups: dict[_PortGroup, list[str]] = defaultdict(list)
     for arrow in graph.drawn_arrows():
@@ -339,7 +356,11 @@ def nets_of(graph: BlockGraph) -> list[Net]:
 
 
 def _net_group(graph: BlockGraph, arrow: Arrow) -> str:
-    """Group of the net of an arrow: see :class:`_NetKey`."""
+    """Group of the net of an arrow. Arrows of the same source and text with different groups are in different nets.
+
+    Returns:
+        the target, for an exchange of signals; the joint, for an arrow from a bus; otherwise an empty text.
+    """
     if arrow.both:
         return arrow.target
     if graph.blocks[arrow.source].shape == "bus":
@@ -376,6 +397,7 @@ def columns_of(graph: BlockGraph) -> dict[str, int]:
         keys = [block.key for block in blocks if not _is_output(graph, block)]
         if not keys:
             continue
+        # For each block, the column within its group.
         depths = _depths(graph, keys)
         if roles == ("force",) and not forces_need_own_column:
             next_column -= 1
@@ -416,7 +438,12 @@ def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
     finished: list[str] = []
 
     def visit(key: str, path: tuple[str, ...]) -> None:
-        """Search from a block in depth. The path has the keys from the first block to this one."""
+        """Search from a block in depth, and append the blocks that are found to ``finished``.
+
+        Args:
+            key: key of the block.
+            path: keys of the blocks from the first one of the search to this one.
+        """
         forward = _forward_targets(graph, key)
         successors[key] = [target for target in forward if target in keys and target not in path]
         for target in successors[key]:

@@ -1,7 +1,10 @@
 """The block picture of a station: drawn as SVG, PNG or PDF, or as text in the language of Graphviz or Mermaid.
 
 A drawing consists of *marks*: areas, lines and texts. The marks of a block belong together as a *part*, which is a
-group in the SVG file, so that a page can react to a click on the block.
+group in the SVG file, so that a page can react to a click on the block. A *net* is a signal from a block to others. A
+*port* is an output of the station, or an input that nothing feeds; the ports of a robot form a list. A *bar* is a thin
+block that joins or distributes signals. The *role* of a block, such as "servo", determines its colour. Positions are in
+pixels, x to the right and y down.
 
 ``python -m simrob_drake.results.block_diagram.picture`` draws the stations of the package anew.
 """
@@ -258,7 +261,11 @@ def _net_marks(text: str, lines: Lines) -> Iterator[_Mark]:
 
 
 def _parts_of_box(box: Box) -> Iterator[_Part]:
-    """Yield the parts of a box: a block is one part; in a list of ports, each port is a part of its own."""
+    """Yield the parts of a box: a block is one part; in a list of ports, each port is a part of its own.
+
+    Args:
+        box: the box, at its place in the picture.
+    """
     if box.is_port_list:
         yield from _parts_of_ports(box)
         return
@@ -274,7 +281,7 @@ def _parts_of_box(box: Box) -> Iterator[_Part]:
 
 
 def _parts_of_ports(box: Box) -> Iterator[_Part]:
-    """Yield the name of the robot, if it is written, and each port of a list of ports."""
+    """Yield the parts of a list of ports: the name of the robot, if it is written, and each port."""
     line_colour = COLOURS[box.blocks[0].role].line
     top = box.y - box.height / 2
     middle = box.x + box.width / 2
@@ -333,7 +340,7 @@ def _rectangle(x: float, y: float, width: float, height: float) -> list[Point]:
 
 
 def _svg_mark(mark: _Mark) -> str:
-    """Write a mark as an element of SVG."""
+    """Write an area, a line or a text as an element of SVG."""
     if isinstance(mark, _Text):
         return _svg_text(mark)
     if isinstance(mark, _Line):
@@ -359,7 +366,7 @@ def _svg_text(mark: _Text) -> str:
 
 
 def _svg_points(points: Sequence[Point]) -> str:
-    """Write points as they follow the "M" of a path of SVG."""
+    """Write points as they follow the "M" of a path of SVG: "x y", joined by "L", the command to draw a line."""
     return "L".join(f"{point.x:.1f} {point.y:.1f}" for point in points)
 
 
@@ -442,7 +449,7 @@ def station_dot(config: StationConfig) -> str:
 
 
 def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[str] = ()) -> str:
-    """Draw a station's block picture as SVG.
+    """Draw a station's block picture, as the text of an SVG file.
 
     Args:
         config: the station.
@@ -457,7 +464,7 @@ def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[s
 
 
 def loop_svg(config: StationConfig, name: str) -> str:
-    """Draw a controller of a station as SVG, with the blocks that it reads and those that it commands.
+    """Draw a controller of a station, as the text of an SVG file, with the blocks that it reads and that it commands.
 
     Args:
         config: the station.
@@ -465,6 +472,7 @@ def loop_svg(config: StationConfig, name: str) -> str:
 
     Raises:
         UnknownName: the station has no controller of this name.
+        SimrobError: the station cannot be built.
     """
     controller = one_of(message("results.loop", "loop"), name, config.controllers)
     return Drawing(_graph(config).neighbourhood(f"controller.{controller}")).svg()

@@ -80,11 +80,16 @@ class SavedSignals:
 def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
     """Read the signals of results. The name of each has the keys in which it differs from the other results.
 
+    A single result has the gains of its first robot in its name instead.
+
+    Args:
+        folders: folders of the results.
+
     Raises:
         InvalidConfig: a folder holds no result, or a damaged one.
     """
     results = [read_signals(folder) for folder in folders]
-    # A single result differs from no other: its name has the gains of its servos instead.
+    # A single result differs from no other; `read_signals` has put its gains into its name.
     if len(results) == 1:
         return results
     names = [
@@ -159,7 +164,9 @@ def overlay_figure(
         titles=names,
         sharex=True,
     )
-    for axes, name in zip(frames.flat, names, strict=False):
+    for axes, name in zip(
+        frames.flat, names, strict=False
+    ):  # there may be a frame more than signals
         _draw_signal(axes, name, results)
     # The frames share their axis of time: only the lowest of each column has its label.
     lowest_of_columns = frames.flat[max(len(names) - column_count, 0) : len(names)]
@@ -191,6 +198,7 @@ def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None
             axes.plot(
                 result.times, values, label=label, color=colour, linestyle=line, linewidth=1.4
             )
+    # The unit of a joint's signal shows what it is, such as a torque. Other signals have their unit alone as label.
     quantity = QUANTITIES.get(shown_unit) if _OF_JOINTS.fullmatch(name) else None
     label_of_axis = f"[{shown_unit}]"
     if quantity is not None:
@@ -199,7 +207,11 @@ def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None
 
 
 def _named_signals(results: Sequence[SavedSignals], patterns: Sequence[str]) -> list[str]:
-    """Names of the signals that patterns match, in the order of the patterns."""
+    """Names of the signals of all results that patterns match, in the order of the patterns, each once.
+
+    Raises:
+        UnknownName: a pattern matches no signal.
+    """
     known = list(dict.fromkeys(name for result in results for name in result.columns))
     found = dict[str, None]()
     for pattern in patterns:
@@ -222,7 +234,7 @@ def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
     known = set(names)
     found: list[str] = []
     for name in moving or positions:
-        # The first "q" that is a whole part of the name, such as in "left.q.joint_1".
+        # The first "q" that is a whole part of the name is replaced: "left.q.joint_1" becomes "left.tau.joint_1".
         torque = re.sub(r"(^|\.)q\.", r"\1tau.", name, count=1)
         found.append(name)
         if torque in known:
@@ -232,10 +244,10 @@ def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
 
 def _is_position(name: str) -> bool:
     """Whether a signal is the position of a joint."""
-    parts = _OF_JOINTS.fullmatch(name)
-    return parts is not None and parts[1] == "q"
+    match = _OF_JOINTS.fullmatch(name)
+    return match is not None and match[1] == "q"
 
 
 def _moves(result: SavedSignals, name: str) -> bool:
-    """Whether a result has a position, by its name, that changes by more than a little."""
+    """Whether a result has a position of this name, and it changes by more than 1e-3 (rad or m)."""
     return name in result.columns and bool(np.ptp(result.columns[name]) > _STILL)
