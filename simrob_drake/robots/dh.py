@@ -323,7 +323,7 @@ def _add_shapes(link: ET.Element, shapes: list[LinkShape]) -> None:
 def _add_inertia(
     link: ET.Element, row: DhRow, frame: RigidTransform, shapes: list[LinkShape]
 ) -> None:
-    """Add the inertia of a link. Values that its row does not give follow from its shapes.
+    """Add the inertia of a link. Centre and moments that its row does not give are those of its shapes, evenly filled.
 
     Args:
         link: the link.
@@ -366,7 +366,7 @@ def _add_motion(joint: ET.Element, row: DhRow) -> None:
 
 
 def link_shapes(table: DhTable) -> list[list[LinkShape]]:
-    """Generate the shapes of all links, those of the base first, in the frames of the links.
+    """Generate the shapes of all links but ``tool0``, those of the base first, in the frames of the links.
 
     Each link has a drum or a rod at its joint, and tubes to the next joint or to the tool. The base has a foot, the
     last link a flange.
@@ -388,7 +388,7 @@ def link_shapes(table: DhTable) -> list[list[LinkShape]]:
 
 
 def _radii(table: DhTable) -> Vector:
-    """Compute the radius of the tubes of each link, from the base to the tool, shape (rows + 1,) [m]."""
+    """Compute the radius of the tubes of each link but ``tool0``, from the base outward, shape (rows + 1,) [m]."""
     # Length of the extended arm. The first origin is that of the base, which may be a column of any height.
     length = sum(float(np.linalg.norm(origin.translation())) for origin in table.origins()[1:])
     length += sum(row.range[1] - row.range[0] for row in table.rows if row.type == "prismatic")
@@ -451,7 +451,14 @@ def _joint(table: DhTable, number: int, radius: float) -> Solid:
 
 
 def _drum(frame: RigidTransform, *, radius: float, length: float, centre: float) -> Solid:
-    """Make a cylinder along the z axis of a frame, with its centre at a height in the frame [m]."""
+    """Make a cylinder along the z axis of a frame.
+
+    Args:
+        frame: pose of the frame in the link.
+        radius: radius of the cylinder [m].
+        length: its length [m].
+        centre: z of its centre in the frame [m].
+    """
     return Solid(frame @ RigidTransform(np.array([0.0, 0.0, centre])), Cylinder(radius, length))
 
 

@@ -262,7 +262,10 @@ class MimicLine(NamedTuple):
 
 
 def mimic_line(follows: ET.Element) -> MimicLine:
-    """Read the factor and the offset by which a joint follows another, from its element FOLLOWS."""
+    """Read the factor and the offset by which a joint follows another, from its element FOLLOWS.
+
+    As in a URDF's ``mimic``, they are 1 and 0 unless given.
+    """
     return MimicLine(float(follows.get("multiplier", "1")), float(follows.get("offset", "0")))
 
 
@@ -400,7 +403,12 @@ def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) 
 
 
 def _joint_motion(joint: ET.Element, position: float) -> RigidTransform:
-    """Compute the motion of a joint from its zero to a position [rad or m]: a translation or a rotation."""
+    """Compute the motion of a joint from its zero to a position: a translation or a rotation along or about its axis.
+
+    Args:
+        joint: a joint that slides or turns.
+        position: the position [rad or m].
+    """
     # The axis of a joint without an element <axis> is x, by the definition of URDF.
     element = joint.find("axis")
     direction = "1 0 0" if element is None else element.get("xyz", "1 0 0")

@@ -150,7 +150,7 @@ class AxisLimits:
         )
 
     def clamp(self, positions: Vector, what: str) -> Vector:
-        """Move positions that are beyond a limit by rounding to that limit.
+        """Copy positions, with those that are beyond a limit by rounding moved to that limit.
 
         A warning of class ``ClampedPosition`` names each axis that is moved by more than arithmetic rounding.
 

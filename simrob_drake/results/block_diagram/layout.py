@@ -4,9 +4,9 @@ The picture consists of *boxes*. A box is a block, or the list of all output por
 the station, or an input that nothing feeds). A *bar* is a thin, high block: a mux joins signals, and a bus distributes
 them. A *sum* is a small circle. The *steps* of a block's computation are drawn as boxes inside it.
 
-Boxes are in columns; within its column, a box is as close as possible to the heights of the boxes that it is connected to, so that most
-arrows are straight. Each net (a signal that one block sends to others) meets the left side of the boxes that read it,
-its *inlets*, and the right side of its source, its *outlet*.
+Boxes are in columns; within its column, a box is as close as possible to the heights of the boxes that it is connected
+to, so that most arrows are straight. Each net (a signal that one block sends to others) meets the left side of the
+boxes that read it, its *inlets*, and the right side of its source, its *outlet*.
 
 Positions are in pixels, x to the right and y down. Heights of inlets and outlets are measured from the middle of their
 box. :mod:`simrob_drake.results.block_diagram.routing` sets x afterwards, from the count of lines that pass between

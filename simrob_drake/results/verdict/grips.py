@@ -37,9 +37,9 @@ class _Hold(NamedTuple):
 def measure_lost_piece(run: RecordedRun) -> Measured | None:
     """Measure how far each lost piece is, at the end, from where the fingers held it [m]; 0 if they still hold it.
 
-    Distances are measured in the frame of the gripper. The time of a lost piece is the first evaluated sample at which
-    the fingers no longer hold it; that of another one is the last at which they hold it. A piece that several grippers
-    held has one value for each.
+    Distances are measured in the frame of the gripper. They are 0 for pieces that are released on purpose, too. The
+    time of a value is the first evaluated sample at which the fingers no longer hold the piece, or the last evaluated
+    one if they hold it to the end. A piece that several grippers held has one value for each.
 
     Returns:
         the distances, one for each pair of a piece and a gripper that held it, or None if fingers held no free piece.
