@@ -147,6 +147,11 @@ def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
     """Write the files of a result that contain text to a folder: summary, signals, program, commands, start, station.
 
     Also written are the files that the station names: tables of references, and copies of files.
+
+    Args:
+        result: the result.
+        verdict: the verdict about it, for the summary.
+        folder: the folder.
     """
     # Names in any alphabet stay readable.
     summary = json.dumps(summary_of(result, verdict), indent=2, ensure_ascii=False)
@@ -299,7 +304,7 @@ def _sampled_reference(
 
 
 def _with_reference(config: StationConfig, robot: str, table: Table) -> StationConfig:
-    """Copy a configuration, with a table as the reference of a robot."""
+    """Copy a configuration, with a table as the reference of a robot: the station's one if it is the only robot."""
     if config.only_robot:
         return config.model_copy(update={"reference": table})
     entry = config.robots[robot].model_copy(update={"reference": table})

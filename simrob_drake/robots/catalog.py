@@ -137,7 +137,11 @@ class RobotModel(Strict):
 
     @model_validator(mode="after")
     def _check_source(self) -> "RobotModel":
-        """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder."""
+        """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder.
+
+        Raises:
+            ValueError: one of these does not hold; pydantic reports the error with the key.
+        """
         if (self.urdf is None) == (self.dh is None):
             raise ValueError(
                 message("robots.urdf_or_dh", "a robot has either a urdf or a dh table")
@@ -693,7 +697,9 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
 def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
     """Convert the fingers of a hand from rad or m to the user's units, as in a ``robot.yaml``.
 
-    The robot is that of a URDF alone, whose axes have the names of their joints.
+    Args:
+        robot: a robot of a URDF alone, whose axes have the names of their joints.
+        hand: its fingers, by the name of the joint.
     """
     unit_sizes = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
     axes = {}

@@ -92,7 +92,11 @@ class DhRow(Strict):
 
     @model_validator(mode="after")
     def _check_limits(self) -> "DhRow":
-        """Check that limits and speed are given under the keys of this kind of joint, and that limits are in order."""
+        """Check that limits and speed are given under the keys of this kind of joint, and that limits are in order.
+
+        Raises:
+            ValueError: they are not; pydantic reports the error with the key.
+        """
         if self.type == "revolute":
             limit_key = "limit_deg"
             velocity_key = "velocity_deg"
@@ -349,7 +353,7 @@ def _add_inertia(
 
 
 def _add_motion(joint: ET.Element, row: DhRow) -> None:
-    """Add axis, limits and viscous friction to a joint."""
+    """Add the axis, the limits (of position, effort and, if the row has one, speed) and the damping to a joint."""
     # Denavit and Hartenberg's frames have their z axes along the joints.
     ET.SubElement(joint, "axis", xyz="0 0 1")
     lower, upper = row.range
@@ -463,7 +467,7 @@ def _drum(frame: RigidTransform, *, radius: float, length: float, centre: float)
 
 
 def _tube(start: Vector, end: Vector, radius: float) -> Solid:
-    """Make a cylinder between two points (3,) [m]."""
+    """Make a cylinder of a radius [m] between two points (3,) [m] in the frame of the link."""
     z_axis = 2
     rotation = RotationMatrix.MakeFromOneVector(end - start, z_axis)
     length = float(np.linalg.norm(end - start))

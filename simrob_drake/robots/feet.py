@@ -144,7 +144,7 @@ class Feet(Strict):
 
     @model_validator(mode="after")
     def _check_default(self) -> "Feet":
-        """Check that the default is one of the kinds."""
+        """Check that the default is one of the kinds. Raises ValueError, which pydantic reports with the key."""
         if self.default not in self.contacts:
             raise ValueError(
                 message(

@@ -194,7 +194,12 @@ class _Tip:
     """
 
     def __init__(self, body: RigidBody, shapes: list[Vector]) -> None:
-        """Compute the hulls of a link's shapes from their corners, shape (k, 3) each [m]."""
+        """Compute the hulls of a link's shapes.
+
+        Args:
+            body: the link.
+            shapes: corners of each shape in the frame of the link, shape (k, 3) each [m]. They are not in one plane.
+        """
         # Imported here, since it takes long and only hands need it.
         from scipy.spatial import ConvexHull
 

@@ -188,7 +188,12 @@ class AxisLimits:
 def distinct_texts(value: float, limit: float) -> tuple[str, str]:
     """Format a position and a limit with the fewest digits with which the two texts differ, but at least five.
 
-    Returns the text of the position and the text of the limit. Equal numbers have equal texts.
+    Args:
+        value: the position.
+        limit: the limit, in the same unit.
+
+    Returns:
+        the text of the position and the text of the limit. Equal numbers have equal texts.
     """
     for digits in range(_FEWEST_DIGITS, _MOST_DIGITS):
         value_text = f"{value:.{digits}g}"

@@ -269,7 +269,7 @@ class PieceShape(Strict):
 
     @model_validator(mode="after")
     def _check_kind(self) -> "PieceShape":
-        """Check that exactly one kind of shape is given."""
+        """Check that exactly one kind of shape is given. Raises ValueError, which pydantic reports with the key."""
         # Two keys in one shape are usually two shapes without a dash between them.
         kinds = (self.box, self.cylinder, self.sphere, self.mesh)
         if sum(kind is not None for kind in kinds) != 1:
@@ -330,7 +330,12 @@ class PieceModel(Strict):
 
     @model_validator(mode="after")
     def _check_values(self) -> "PieceModel":
-        """Check that values do not contradict each other, and that each frame has a name of its own."""
+        """Check that values do not contradict each other, and that each frame has a name of its own.
+
+        Raises:
+            ValueError: both a mass and a density are given, a series has too many frames, or two frames have the same
+                name or one that is not allowed; pydantic reports the error with the key.
+        """
         # A mass of 0 that the file states contradicts a density as well; the default mass does not.
         if self.density is not None and "mass" in self.model_fields_set:
             raise ValueError(

@@ -137,7 +137,14 @@ class Solid:
 
 
 def add_solid(link: ET.Element, tag: str, name: str, solid: Solid) -> ET.Element:
-    """Add a shape to a link, as a ``visual`` or a ``collision`` element (``tag``), and return this element."""
+    """Add a shape to a link, and return the new element.
+
+    Args:
+        link: the link.
+        tag: tag of the new element: ``visual`` or ``collision``.
+        name: name of the shape, unique in its link.
+        solid: the shape, with its pose in the link.
+    """
     element = ET.SubElement(link, tag, name=name)
     place(element, solid.pose)
     ET.SubElement(element, "geometry").append(shape_element(solid.shape, solid.scale))

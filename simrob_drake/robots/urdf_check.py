@@ -278,7 +278,7 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
 
 
 def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
-    """Find the parent of each link, and check that a link has one parent at most and that there is no loop.
+    """Find the parent of each link, and check that no link has two parents and no joints form a loop.
 
     Args:
         root: the ``robot`` element.

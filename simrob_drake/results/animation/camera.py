@@ -167,6 +167,7 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
     smooth_y = _moving_average(y - y[0])
 
     def displacement(at: Vector) -> Vector:
+        """Displacement of the camera (k, 3) [m] at times (k,) [s]."""
         level = np.column_stack(
             [np.interp(at, times, smooth_x), np.interp(at, times, smooth_y), np.zeros(len(at))]
         )
@@ -241,7 +242,12 @@ def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Came
 
 
 def aspect_of(points: Vector, *, azimuth: float = _ASIDE) -> float:
-    """Width over height of points (m, 3) [m] as a camera at an azimuth [rad] sees them; 1 if they have no height."""
+    """Width over height of points as a camera far away sees them; 1 if they have no height.
+
+    Args:
+        points: the points, shape (m, 3) [m].
+        azimuth: direction from the points to the camera, counterclockwise from x [rad].
+    """
     axes = _camera_axes(azimuth)
     rotation = np.array([axes.right, axes.up, axes.forward])
     width, height = np.ptp((points @ rotation.T)[:, :2], axis=0)

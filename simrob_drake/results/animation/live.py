@@ -318,7 +318,9 @@ class Steering:
         sections = commanded_sections(config.controllers)
         self.controls = dict[str, Control]()
         self.commands: dict[str, Callable[[float], tuple[float, ...] | None]] = {}
-        self._shown = dict[str, float]()
+        self._shown = dict[
+            str, float
+        ]()  # by label, the value to which the program has set each slider
         station = resolve(config)
         for number, (name, section) in enumerate(sections.items()):
             prefix = f"{name}: " if len(sections) > 1 else ""
@@ -327,7 +329,7 @@ class Steering:
             self.controls |= _controls(section, robot, prefix, keys=number == 0)
             self.commands[name] = partial(self._command, prefix, section)
         self.board: Board | None = None
-        self._begun = set[str]()
+        self._begun = set[str]()  # prefixes of the controllers that the user has begun to command
 
     def _command(
         self, prefix: str, section: ControllerSection, time: float

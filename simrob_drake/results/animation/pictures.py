@@ -178,6 +178,12 @@ def save_film_strip(
 ) -> Path:
     """Write a :func:`film_strip` to a ``.png`` file. Returns the file.
 
+    Args:
+        result: the run.
+        file: the file.
+        frames: count of images, or "events" for an image of each event.
+        height: height of an image [pixels]; 360 or 240 if it is None, depending on the count of images.
+
     Raises:
         InvalidParameter: there are fewer than two images, or the height is less than 16 pixels.
         OutputError: the file cannot be written.
@@ -328,6 +334,7 @@ def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
     """
     height, width = images[0].shape[:2]
     line_height = max(round(_CAPTION * height), _LEAST_CAPTION)
+    # Letters fill 0.6 of a line, so that lines keep a distance.
     font = ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), 0.6 * line_height)
     wrapped_texts = [_wrap(text, width, font) for text in texts]
     line_count = max(text.count("\n") for text in wrapped_texts) + 1
@@ -346,6 +353,7 @@ def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
         left = number % column_count * (width + _GAP)
         top = number // column_count * row_height
         strip.paste(Image.fromarray(image), (left, top))
+        # The anchor "mm" puts the middle of the text at this point.
         middle_of_caption = (left + width / 2, top + height + caption_height / 2)
         pen.multiline_text(middle_of_caption, text, _GREY, font, anchor="mm", align="center")
     return strip
@@ -357,9 +365,14 @@ def _ceiling_division(dividend: int, divisor: int) -> int:
 
 
 def _wrap(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
-    """Break the lines of a text at spaces, so that each is no wider than a width [pixels].
+    """Break the lines of a text at spaces, so that each is no wider than a given width.
 
     A word that is wider than that stays whole.
+
+    Args:
+        text: the text.
+        width: largest width of a line [pixels].
+        font: the font in which the text is drawn.
     """
     lines = []
     for line in text.split("\n"):

@@ -450,7 +450,8 @@ def _draw_arrow(
         large: magnitude of the force whose arrow has the usual length [N].
         colour: colour of the arrow.
     """
-    # The arrow points along z. Its shaft has the length 1 and is scaled; the tip of Meshcat's cone is at its origin.
+    # The arrow points along z. Its shaft has the length 1 and is scaled; the tip of Meshcat's cone is at its origin, so
+    # that the cone is turned over and moved by its length. Its radius is half of its length.
     meshcat.SetObject(f"{path}/shaft", Cylinder(_RADIUS, 1.0), colour)
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(_HEAD, _HEAD / 2, _HEAD / 2), colour)
     meshcat.SetTransform(

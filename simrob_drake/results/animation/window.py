@@ -175,9 +175,8 @@ class Board:
         if math.isfinite(value):
             # The page keeps sliders within their limits, but the message may come from another program.
             control.value = min(max(value, control.low), control.high)
-            with (
-                self._news
-            ):  # forget the command of `show`: the value that the program set is no longer valid
+            # Forget the command of `show`: the value that the program has set is no longer valid.
+            with self._news:
                 self._commands.pop(f"control {name}", None)
                 self._versions.pop(f"control {name}", None)
 

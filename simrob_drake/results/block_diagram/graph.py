@@ -102,6 +102,11 @@ class BlockGraph:
         """Add signals to the arrow between two blocks. The arrow itself is added if it is new.
 
         An arrow from a block to itself is left out: it would only show how the block works inside.
+
+        Args:
+            source: key of the block where the arrow begins.
+            target: key of the block to which it leads.
+            signals: names of the signals; perhaps none.
         """
         if source == target:
             return
@@ -120,9 +125,14 @@ class BlockGraph:
         return [ends.target for ends in self.arrows if ends.source == key]
 
     def is_forward(self, source: str, target: str) -> bool:
-        """Whether an arrow leads in the direction of the signal flow. A measurement leads back to its controller.
+        """Whether an arrow leads in the direction of the signal flow: to a block of the same role or of a later one.
 
-        If two blocks of the same role exchange signals, the arrow from the block that was added first is forward.
+        A measurement, for instance, leads back to its controller. If two blocks of the same role exchange signals, the
+        arrow from the block that was added first is forward, and the other one is not.
+
+        Args:
+            source: key of the block where the arrow begins.
+            target: key of the block to which it leads.
         """
         source_rank = ROLES.index(self.blocks[source].role)
         target_rank = ROLES.index(self.blocks[target].role)
@@ -465,7 +475,12 @@ def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
 
 
 def _forward_targets(graph: BlockGraph, key: str) -> list[str]:
-    """Targets of a block without those from which it gets a measurement, or another answer, in exchange."""
+    """Targets of a block. Where two blocks exchange signals, only the arrow in the direction of the signal flow counts.
+
+    Args:
+        graph: the graph.
+        key: key of the block.
+    """
     targets = []
     for target in graph.targets(key):
         is_exchange = Ends(target, key) in graph.arrows

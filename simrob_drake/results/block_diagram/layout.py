@@ -485,7 +485,12 @@ def _is_output_port(block: DrawnBlock) -> bool:
 def _height_at_neighbour(box: Box, connection: _Connection) -> float:
     """Height from which a net enters a box, or to which it leaves, in the picture [px].
 
-    A net that does not lead to the next column passes far above the boxes, or far below if it leads back.
+    It is the height of the box at the other end. A net that leads farther than to the next column counts as far above
+    all boxes, and one that leads back, or stays in its column, as far below.
+
+    Args:
+        box: the box.
+        connection: one end of the net at this box.
     """
     # Count of columns that the net advances in the direction of the signal flow.
     advance = connection.other.column - box.column

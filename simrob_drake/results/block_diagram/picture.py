@@ -235,6 +235,7 @@ def _legend(graph: BlockGraph, y: float) -> _Legend:
             continue
         colours = COLOURS[role]
         title = translate(TITLES[role])
+        # A coloured rectangle of 12 x 10 px, then the title. The next role follows 15 px after the title.
         marks.append(_Area(_rectangle(x, y - 9, 12, 10), colours.fill, colours.line))
         marks.append(_Text(title, Point(x + 17, y), colours.line, centred=False))
         x += text_width(title) + 32
@@ -250,6 +251,7 @@ def _net_marks(text: str, lines: Lines) -> Iterator[_Mark]:
     """
     for polyline in lines.polylines:
         yield _Line(polyline)
+    # An arrowhead is a triangle, 7 px long and 6.4 px wide; a dot is a square of 3.6 px.
     for head in lines.heads:
         tip = head.tip
         back = tip.x - 7 if head.points_right else tip.x + 7
@@ -308,6 +310,9 @@ def _content_of_block(box: Box, block: DrawnBlock, line_colour: str) -> Iterator
     """
     middle = box.x + box.width / 2
     steps = [step.split("\n") for step in block.inside]
+    # A step needs its lines, CELL for the edges of its box, and 1.5 CELL for the arrow above it. The content is in the
+    # middle of the box, and y is the height up to which it has been drawn. Base lines of texts are 3 px above the lower
+    # edge of their line, and boxes of steps keep 7 px from the edges of the block.
     content_height = LINE * len(box.lines) + fsum(LINE * len(step) + 2.5 * CELL for step in steps)
     y = box.y - content_height / 2
     for index, text in enumerate(box.lines):
@@ -410,7 +415,12 @@ def _svg_value(index: int, drawn_net: _DrawnNet) -> str:
 
 
 def _draw_mark(axes: "Axes", mark: _Mark) -> None:
-    """Draw a mark with Matplotlib. Lines are under areas, and texts above both (zorder)."""
+    """Draw a mark with Matplotlib. Lines are under areas, and texts above both (zorder).
+
+    Args:
+        axes: the frame, with pixels of the drawing as units.
+        mark: an area, a line or a text.
+    """
     from matplotlib.patches import Polygon
 
     if isinstance(mark, _Area):

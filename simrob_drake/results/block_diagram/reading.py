@@ -198,7 +198,14 @@ class _Reader:
             block.systems.append(name)
 
     def _draw_net(self, name: str, drawing: Drawn) -> None:
-        """Add the blocks of a net that Drake has as a single system, such as a controller of several formulas."""
+        """Add the blocks of a net that Drake has as a single system, such as a controller of several formulas.
+
+        Arrows between these blocks are added, too.
+
+        Args:
+            name: name of the system.
+            drawing: the net: parts of the system, each with its label and the parts that feed it.
+        """
         for part, inner in drawing.net.items():
             key = f"{drawing.key}.{part}"
             block = DrawnBlock(key, drawing.role, drawing.robot, inner.label)
@@ -306,6 +313,7 @@ class _Reader:
             key = f"output {names[0]}"
             robot = self._robot_of(names[0])
             short_names = [name.removeprefix(f"{robot}.") for name in names]
+            # All names of the port, the shortest first, joined by equals signs.
             label = " = ".join(sorted(short_names, key=len))
             self.graph.blocks[key] = DrawnBlock(key, "sensor", robot, label, "port")
             for origin in self._origins(_OutputId(port_id.system, port_id.port_index)):
@@ -437,7 +445,12 @@ class _Declaration(NamedTuple):
 
 
 def _declared_drawing(name: str, ports: StationPorts) -> _Declaration:
-    """Find the declaration for a system: the one with its name, or else with the longest part before a dot."""
+    """Find the declaration for a system: the one with its name, or else with the longest part before a dot.
+
+    Args:
+        name: name of the system, such as ``left.servo.joint_1``.
+        ports: the station's ports, with the declarations of its parts by name.
+    """
     drawings = ports.picture.drawn
     while name not in drawings:
         # A part declares its subsystem once, and all systems whose names begin with that name belong to it.

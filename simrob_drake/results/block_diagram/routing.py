@@ -220,7 +220,12 @@ class Routing:
         return source.y + source.outlets[index]
 
     def _arrivals(self, index: int, net: Net) -> dict[int, list[_Arrival]]:
-        """Ends of a net at the boxes that read it, by the box's column, which is also the channel at its left."""
+        """Ends of a net at the boxes that read it, by the box's column, which is also the channel at its left.
+
+        Args:
+            index: index of the net.
+            net: the net.
+        """
         arrivals: dict[int, list[_Arrival]] = defaultdict(list)
         for target in net.targets:
             box = self._layout.boxes[target]
@@ -425,6 +430,7 @@ class Routing:
                 last_track = max(
                     (trunk.track for trunk in trunks.values() if not trunk.is_level), default=-1
                 )
+                # Tracks count from 0. A free distance is left of the first track, and one right of the last.
                 x += names_width + _TRACK * (last_track + 2) + _HEAD
             if channel < len(self._layout.columns):
                 column = self._layout.columns[channel]

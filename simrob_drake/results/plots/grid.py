@@ -216,7 +216,7 @@ def is_dense(plots: Iterable[Plot]) -> bool:
 
 
 def style(axes: Axes, title: str) -> None:
-    """Give a frame the style of all plots of a run, and a title."""
+    """Give a frame the style of all plots of a run, and a title at its left; an empty text for no title."""
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=_TICK_SIZE)
@@ -256,10 +256,11 @@ class _Numbers(Formatter):
         The digits are decimals; for very large or very small numbers they are significant digits, with a power of ten.
         """
         largest = max(map(abs, values), default=0.0)
-        # Neighbouring numbers must differ, so the rounding is compared with their distance.
+        # Neighbouring numbers must differ, so the rounding is compared with their distance. A single number has none.
         step = float(np.diff(np.sort(values)).min()) if len(values) > 1 else largest
         is_plain = largest == 0 or _PLAIN[0] <= largest < _PLAIN[1]
         notation = "f" if is_plain else "g"
+        # Try more and more digits until the rounding of the texts is a thousandth of that distance at most.
         for digits in range(16):  # a double has no more
             texts = [f"{value:.{digits}{notation}}" for value in values]
             rounding = np.abs(np.array(texts, dtype=float) - values).max(initial=0.0)
@@ -370,10 +371,9 @@ class _Grid:
         # one of them has a label.
         inner_stacks = [index for index in range(len(self._stacks)) if index % self._columns != 0]
         inner_label = _LABEL if any(self._is_labelled(index) for index in inner_stacks) else 0.0
-        left = _MARGIN + _LABEL + numbers_width  # left edge of the first column of frames
-        pitch = (
-            frame_width + legend + _GAP + numbers_width + inner_label
-        )  # from one column to the next
+        # The left edge of the first column of frames, and the distance from one column to the next.
+        left = _MARGIN + _LABEL + numbers_width
+        pitch = frame_width + legend + _GAP + numbers_width + inner_label
         width = left + (self._columns - 1) * pitch + frame_width + max(legend, _MARGIN)
 
         lines = self._head_lines(remark, width)

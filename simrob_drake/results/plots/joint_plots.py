@@ -127,7 +127,14 @@ def side_groups(robot: StationRobot) -> list[SideGroup]:
 
 
 def _pair_of(robot: StationRobot, index: int) -> SideGroup | None:
-    """Find the right and the left axis to which an axis belongs, by its index. Returns None for an axis alone."""
+    """Find the right and the left axis to which an axis belongs, from the names of the axes.
+
+    Returns None for an axis alone, and for two axes of different units.
+
+    Args:
+        robot: the robot.
+        index: index of the axis.
+    """
     sides = ("right", "left")
     words = robot.axes[index].split("_")
     axes = {}
@@ -351,9 +358,8 @@ def _nearest(angles: Vector, reached: Vector) -> Vector:
         reached: angles to which the result is near, shape (m, 3) [rad].
     """
     # The angles (Rz + pi, pi - Ry, Rx + pi) are the same orientation as (Rz, Ry, Rx), and so are whole turns more.
-    candidates = np.stack(
-        [angles, angles * (1.0, -1.0, 1.0) + np.pi]
-    )  # both forms, shape (2, m, 3)
+    # Both forms, shape (2, m, 3).
+    candidates = np.stack([angles, angles * (1.0, -1.0, 1.0) + np.pi])
     # Whole turns that bring each angle within half a turn of the other angle.
     candidates += 2 * np.pi * np.round((reached - candidates) / (2 * np.pi))
     first_distance, second_distance = np.abs(candidates - reached).sum(axis=2)
@@ -442,6 +448,7 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     length = _ARROW_LENGTH * width
     along_x = length * np.cos(heading[shown])
     along_y = length * np.sin(heading[shown])
+    # Arrows with the directions and lengths of the axes' units; their width is a part of the width of the frame.
     in_units_of_axes: dict[str, Any] = {
         "angles": "xy",
         "scale_units": "xy",
@@ -473,6 +480,10 @@ def _set_path_limits(axes: Axes, path: Vector) -> float:
 
     The path is in the middle. In the direction in which it fills the picture more, a tenth of the picture is free on
     each side; a path of a few centimetres leaves more.
+
+    Args:
+        axes: the frame, in its final place.
+        path: x and y of the path, shape (2, m) [m].
 
     Returns:
         the width of the picture [m].

@@ -164,9 +164,8 @@ def overlay_figure(
         titles=names,
         sharex=True,
     )
-    for axes, name in zip(
-        frames.flat, names, strict=False
-    ):  # there may be a frame more than signals
+    # Not strict, since there may be one frame more than signals.
+    for axes, name in zip(frames.flat, names, strict=False):
         _draw_signal(axes, name, results)
     # The frames share their axis of time: only the lowest of each column has its label.
     lowest_of_columns = frames.flat[max(len(names) - column_count, 0) : len(names)]

@@ -363,7 +363,7 @@ def _with_detail(result: RecordedRun, sheet: Sheet) -> Iterator[_NamedFigure]:
     """Draw a sheet, and yield its plot.
 
     If the run is long (10 s or more) and its curves are dense, yield a second plot, which shows three seconds of the
-    middle of the run.
+    middle of the run. Curves are dense if they go up and down so often that their lines run together.
     """
     yield _NamedFigure(sheet.name, grid_figure(result, sheet.title, sheet.stacks, **sheet.layout))
     # The first plot of a stack shows the value, the others its error.

@@ -271,7 +271,12 @@ def _constants_in_words(panels: _Panels, shown: _Panels) -> list[str]:
 
 
 def _stack(panel: Panel, quantities: Sequence[_Quantity]) -> Stack:
-    """Make the plots of a panel: one for each unit of its quantities, below each other."""
+    """Make the plots of a panel: one for each unit of its quantities, below each other.
+
+    Args:
+        panel: the panel, with the title and the label of the plots.
+        quantities: the quantities that are drawn.
+    """
     # Widths of the lines, relative to the usual one. Later lines are thinner, so that equal curves are all visible.
     first_weight = 1.4 if len(quantities) > 1 else 1.0
     curves = []

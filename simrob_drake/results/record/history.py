@@ -215,9 +215,15 @@ class Recorder:
         )
 
     def _matrix(self, values: "array[float]", size: int, first: int, end: int) -> Vector:
-        """Values of some records as a matrix with one row for each record; ``size`` values belong to a record.
+        """Values of some records as a matrix, shape (end - first, size), with one row for each record.
 
         The matrix of all records is a view of the memory, since a long run should not be copied. Others are copies.
+
+        Args:
+            values: values of all records, one record after another.
+            size: count of values of a record.
+            first: index of the first record.
+            end: index after the last record.
         """
         is_everything = first == 0 and end == len(self.times)
         # A slice of an array of the standard library is a copy, unlike one of NumPy.

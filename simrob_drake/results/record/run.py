@@ -279,6 +279,9 @@ class RecordedRun:
             """Make the fields that were not pickled again, when one of them is first used.
 
             Python calls this method for attributes that it does not find.
+
+            Raises:
+                AttributeError: a result has no attribute of this name; proposes the nearest one.
             """
             if name not in REBUILT or "_pickled" not in self.__dict__:
                 raise AttributeError(_no_attribute(type(self), name), name=name, obj=self)

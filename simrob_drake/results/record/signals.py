@@ -156,7 +156,15 @@ class Sampler:
     def _evaluate_with_drake(
         self, ports: Sequence[OutputPort], states: StateHistory
     ) -> dict[OutputPort, Any]:
-        """Evaluate ports with Drake, by setting the context to each of the states. Results as of :meth:`evaluate`."""
+        """Evaluate ports with Drake, by setting the context to each of the states.
+
+        Args:
+            ports: output ports of the diagram.
+            states: the states, k rows.
+
+        Returns:
+            the values of each port: an array (k, size), or a list of k values of an abstract port.
+        """
         if not ports:
             return {}
         # References of trajectories are set in the diagram, which may have run with other ones since.
@@ -179,6 +187,8 @@ class Sampler:
 
     def _value(self, port: OutputPort, context: Context) -> Any:
         """Evaluate one port. Returns a copy of its value, or NaN if the block fails and the sampler is tolerant.
+
+        If the sampler is not tolerant, the error of the block is raised.
 
         Args:
             port: the port.
@@ -490,7 +500,12 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
 def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, hold: float) -> None:
     """Shorten the history so that it ends when the condition has been met for the time ``hold`` [s].
 
-    The other arguments are those of :func:`cut_at_stop`.
+    Args:
+        sampler: the run, whose history is changed.
+        holds: evaluates the condition of the monitor.
+        step: steps the motion again, from the last recorded state before a time to that time.
+        onset: the first recorded time of the last, uninterrupted span in which the condition is met [s].
+        hold: how long the condition must be met before it ends the run, more than 0 [s].
     """
     recorded = sampler.history
     # A condition that must be met for a while began long before the end of the run, in a step that need not be
@@ -504,7 +519,10 @@ def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, ho
 def _cut_at_onset(sampler: Sampler, holds: Holds, step: Step) -> None:
     """Shorten the last step of the history until it is at most TOLERANCE long and the condition is met only at its end.
 
-    The arguments are those of :func:`cut_at_stop`.
+    Args:
+        sampler: the run, whose history is changed. The condition is met at its end.
+        holds: evaluates the condition of the monitor.
+        step: steps the motion again, from the last recorded state before a time to that time.
     """
     while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
         # The old end is kept, since it is the only state at which the condition is known to be met.

@@ -621,7 +621,7 @@ def _block_state(context: Context) -> BlockState | None:
 
 
 def _put_block(system: System, state: BlockState, root: Context) -> None:
-    """Set a block to a state. Abstract values that are None are left as they are.
+    """Set a block to a state. An abstract value that is None in the state is not set.
 
     Args:
         system: the block.

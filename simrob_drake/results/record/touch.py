@@ -382,7 +382,10 @@ def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide
 
 
 def robots_that_can_walk(config: StationConfig, station: StationPlant) -> list[StationRobot]:
-    """Robots of a station that have feet, a base that moves freely, and joints that are moved by torques."""
+    """Robots of a station that have feet, a base that moves freely, and joints that are moved by torques.
+
+    Empty for a kinematic station, which prescribes the joints.
+    """
     if not config.engine.moves_by_forces:
         return []
     return [

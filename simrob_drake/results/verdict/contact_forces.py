@@ -291,7 +291,7 @@ def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
 
 
 def _mean_contact_force(run: RecordedRun, piece: str, window: ContactWindow) -> Vector:
-    """Mean contact force on a piece during a window, in the world's axes, shape (3,) [N].
+    """Mean contact force on a free piece during a window, in the world's axes, shape (3,) [N].
 
     The momentum of the piece changes by all forces on it: m dv/dt = F + m g + applied. So the contact force is
     F = m (dv/dt - g) - applied.
@@ -326,7 +326,7 @@ def _velocity_of_centre(run: RecordedRun, piece: str) -> Vector:
 
 
 def _applied_force(run: RecordedRun, piece: str) -> Vector:
-    """Sum of the forces in the station's section ``forces`` that act on a piece.
+    """Sum of the forces in the station's section ``forces`` that act on a free piece; 0 if no force acts on the piece.
 
     Returns:
         the sum at all m samples, in the world's axes, shape (m, 3) [N].

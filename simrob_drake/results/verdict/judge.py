@@ -5,7 +5,9 @@ feet, pairs of bodies. The result is a `Measured`: the worst value of each subje
 function returns None if the run has nothing to measure. The bound of a criterion is a key of ``VerdictConfig``.
 
 The signals of a run are recorded at m samples. A robot has n axes, with units rad and N·m, or m and N for prismatic
-axes.
+axes. A function with the decorator ``@_of_each_robot`` measures the axes of one robot; the decorator makes of it a
+function that measures all robots of a run. A run *moves by forces* if it is dynamic; in a kinematic run the joints are
+prescribed, and are always at their reference.
 """
 
 import warnings
@@ -373,9 +375,8 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
         return None
     # The loss in the winding is proportional to the square of the current, and so to that of the torque.
     load = (run.axes("tau", robot.name) / rated) ** 2  # at m samples and n axes, shape (m, n)
-    steps = np.diff(
-        run.times, prepend=run.times[0]
-    )  # time since the sample before [s]; 0 for the first
+    # Time since the sample before [s]; 0 for the first sample.
+    steps = np.diff(run.times, prepend=run.times[0])
     # An axis without a motor has any time constant: its load is 0.
     time_constants = np.array(
         [1.0 if motor is None else motor.thermal_time for motor in robot.motors]
@@ -497,9 +498,8 @@ def _foot_slip(run: RecordedRun) -> Measured | None:
     distances = []
     times = []
     for (robot, link), slide in run.touch.slides.items():
-        distance, row = (
-            slide.longest
-        )  # the distance, and the index of the time at which the foot was lifted
+        # The distance, and the index of the time at which the foot was lifted.
+        distance, row = slide.longest
         names.append(f"{run.plant.robots[robot].prefix}{link}")
         distances.append(distance)
         times.append(run.touch.times[row])
@@ -599,7 +599,7 @@ def verdict_of(run: RecordedRun) -> Verdict:
     measures = [criterion.of(run) for criterion in CRITERIA]
     further_criteria = usable_objects("measures", Criterion, named_by="name").values()
     measures += [_measure_of_extension(criterion, run) for criterion in further_criteria]
-    # Empty if no bodies overlapped and no robot walks: then the rate of evaluation of contacts is of no interest.
+    # Both are empty if no bodies overlapped and no robot walks: the rate of these evaluations is of no interest then.
     has_touched = run.touch.depths or run.touch.slides
     return Verdict(
         measures=tuple(measure for measure in measures if measure is not None),
@@ -612,7 +612,7 @@ def verdict_of(run: RecordedRun) -> Verdict:
 
 
 def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | None:
-    """Measure a run by a criterion of an extension.
+    """Measure a run by a criterion of an installed extension, whose function may fail.
 
     Returns None if the run has nothing to measure. If the extension's function raises an error, an ExtensionWarning is
     given, and the result is None, too.

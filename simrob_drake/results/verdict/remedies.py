@@ -2,6 +2,11 @@
 
 A remedy with a key and a value can be applied at once, by ``--set KEY=VALUE`` or by a button. It is offered only if the
 station takes the key, and if the recorded run shows the cause, such as a servo that is not at its torque limit.
+
+Each public function finds the remedy of one criterion. It gets the run and the worst value of the criterion, ``entry``,
+with its *subject*: the name of the axis, robot, tool, foot or pair of bodies that the value belongs to. In stations of
+several robots, names of axes begin with that of their robot. ``run.did`` is a text if a command or a program planned
+the motion of the run. It is empty if the station's file gives the motion.
 """
 
 from collections.abc import Callable
@@ -201,7 +206,13 @@ _SLOWER_MOTION = message(
 
 
 def _is_of_leg(run: RecordedRun, robot: StationRobot, axis: int) -> bool:
-    """Whether an axis, by its index, moves a foot of a robot. It is False for a robot without feet."""
+    """Whether an axis moves a foot of its robot. It is False for a robot without feet.
+
+    Args:
+        run: a run of the robot's station.
+        robot: the robot.
+        axis: index of the axis.
+    """
     if robot.feet is None:
         return False
     plant = run.plant.plant

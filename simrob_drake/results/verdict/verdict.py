@@ -709,6 +709,10 @@ def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
     """Name of the move that a program made at a time [s]. Empty if the time is None, or no move was made then.
 
     At the time at which a move ends and the next one begins, it is the one that ends: its final error occurs then.
+
+    Args:
+        time: the time, since the start of the program [s].
+        spans: when the moves of the program began and ended, in order.
     """
     if time is None:
         return ""

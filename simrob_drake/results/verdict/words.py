@@ -53,7 +53,12 @@ def in_words(value: float, unit: str) -> Message:
 
 
 def rounded_in_words(value: float, unit: str) -> Message:
-    """Write a value as :func:`in_words` does, for a table: per cent without decimals, and no tiny shares."""
+    """Write a value for a table: shares in whole per cent (a tiny share as 0 %), others as :func:`in_words` does.
+
+    Args:
+        value: the value, in its SI unit or as a share.
+        unit: ``rad``, ``m``, or ``1`` for a share.
+    """
     if unit == "1":
         share = value if abs(value) >= _LEAST_SHARE else 0.0
         return compound("{number:.0f} %", number=100.0 * share)
