@@ -402,6 +402,10 @@ class RobotModel(Strict):
         """Backlash of every axis: the motion of its link while its motor stands still, shape (n,) [rad or m].
 
         It is 0 for a passive axis, which has no motor and no gear.
+
+        Raises:
+            InvalidParameter: ``drives.backlash_deg`` is a list of the wrong length.
+            UnknownName: ``drives.backlash_deg`` names an axis that the robot does not have.
         """
         # The key has the user's units. Without the key, no axis has play.
         play = self.user_units * self.axis_vector(
@@ -484,6 +488,10 @@ class RobotModel(Strict):
 
         An axis for which ``home_deg`` has no value of its own is at zero or, if its range excludes zero, in the middle
         of its range.
+
+        Raises:
+            InvalidParameter: ``home_deg`` is a list of the wrong length.
+            UnknownName: ``home_deg`` names an axis that the robot does not have.
         """
         defaults = middles(self.limits, self.user_units)
         values = self.axis_vector(self.home_deg, "home_deg", defaults)

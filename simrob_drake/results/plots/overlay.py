@@ -6,12 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName, one_of
-from simrob_drake.base.files import column_names, read_columns, text_of
+from simrob_drake.base.files import NotRead, column_names, read_columns, text_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message, translate
 from simrob_drake.base.yaml_files import parse_json
@@ -42,10 +43,11 @@ _FRAME = (4.6, 1.7)
 
 @dataclass(frozen=True)
 class SavedSignals:
-    """Signals of a result that was saved to a folder.
+    """Signals of a result, as a figure of several results needs them: read from a folder, or taken from a run.
 
     Attributes:
-        name: name in the legend: the folder, and the settings in which the result differs from the others.
+        name: name in the legend, such as the folder with the gains of the first robot, or with the settings in which
+            the result differs from the others.
         times: times of the samples, shape (m,) [s].
         columns: the signals by name, shape (m,) each.
         units: units of the signals by name.
@@ -114,7 +116,7 @@ def read_signals(folder: Path) -> SavedSignals:
         )
         raise InvalidConfig(folder, "", problem)
     # Units are not in the table of signals itself, whose first line has names only.
-    summary = parse_json(text_of(folder / SUMMARY), folder / SUMMARY)
+    summary = read_summary(folder)
     names = column_names(table)
     values, _ = read_columns(table, names)
     columns = {name: values[:, index] for index, name in enumerate(names)}
@@ -123,6 +125,26 @@ def read_signals(folder: Path) -> SavedSignals:
     gains_of_robots = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
     name = join_texts([str(folder), *gains_of_robots[:1]], ": ")
     return SavedSignals(name, times, columns, units=summary.get("units", {}))
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Read the summary of a result from its folder, the content of ``summary.json``.
+
+    Raises:
+        InvalidConfig: the file is missing, cannot be read, or contains no mapping.
+    """
+    file = folder / SUMMARY
+    try:
+        content = parse_json(text_of(file), file)
+    except NotRead as problem:
+        raise InvalidConfig(
+            file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
+        ) from None
+    if not isinstance(content, dict):
+        raise InvalidConfig(
+            file, "", message("base.no_mapping", "must contain a mapping of keys to values")
+        )
+    return content
 
 
 def overlay_figure(
