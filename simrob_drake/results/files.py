@@ -144,7 +144,15 @@ def save_result(
 
 
 def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
-    """Write the summary, the signals, the program, the commands and the station of a result to a folder."""
+    """Write the files of a result that contain text to a folder: summary, signals, program, commands, start, station.
+
+    Also written are the files that the station names: tables of references, and copies of files.
+
+    Args:
+        result: the result.
+        verdict: the verdict about it, for the summary.
+        folder: the folder.
+    """
     # Names in any alphabet stay readable.
     summary = json.dumps(summary_of(result, verdict), indent=2, ensure_ascii=False)
     (folder / SUMMARY).write_text(summary + "\n", encoding="utf-8")
@@ -171,7 +179,7 @@ def _write_data(result: RecordedRun, verdict: Verdict, folder: Path) -> None:
 
 
 def _save_plots(result: RecordedRun, folder: Path, kind: PlotFormat) -> None:
-    """Write the plots of a result to a folder."""
+    """Write the plots of a result to a folder, in the format ``kind``."""
     # Imported here: it loads Matplotlib, which only the process that draws the plots needs.
     from simrob_drake.results.plots.own import save_plots
 
@@ -242,7 +250,8 @@ class _SampledReference(NamedTuple):
 def with_tables(result: RecordedRun, folder: Path) -> StationConfig:
     """Write the references of a run to a folder, as far as the station's file cannot contain them.
 
-    These are references that were passed to the run, signals of the user's diagram, and tables of other files.
+    These are references that were passed to the run, signals of the user's diagram, and tables of other files. The
+    file of a robot is ``<robot>_reference.csv``, or ``reference.csv`` in a station with one robot.
 
     Returns:
         the configuration of the station, in which tables with the written files are the references.
@@ -274,7 +283,7 @@ def _sampled_reference(
         config: configuration of the station at the start of the run.
         robot: name of the robot.
     """
-    # As simulate() joins samples that are passed to it.
+    # How simulate() joins samples that are passed to it: by smooth curves where the desired speed is used.
     joined_by: Interpolation = "cubic" if config.follows_speed(robot) else "linear"
     if result.in_own_diagram:
         # Sources of the diagram gave the reference. Times of a run of the file count from zero.
@@ -295,7 +304,7 @@ def _sampled_reference(
 
 
 def _with_reference(config: StationConfig, robot: str, table: Table) -> StationConfig:
-    """Copy a configuration, with a table as the reference of a robot."""
+    """Copy a configuration, with a table as the reference of a robot: the station's one if it is the only robot."""
     if config.only_robot:
         return config.model_copy(update={"reference": table})
     entry = config.robots[robot].model_copy(update={"reference": table})
@@ -314,7 +323,7 @@ def in_background(work: Callable[[], object]) -> Iterator[None]:
         work: function without arguments, whose result is ignored.
     """
     if not _can_copy_process():
-        yield
+        yield  # the body of the `with` statement runs here, and in the other case below
         work()
         return
     # A copy of the process has all objects already: nothing is sent between the two.
@@ -334,7 +343,7 @@ def in_background(work: Callable[[], object]) -> Iterator[None]:
 
 
 def _work_and_exit(work: Callable[[], object]) -> None:
-    """Do work, then end the process at once. Its exit code is 0 if the work succeeded."""
+    """Do work, then end the process at once: the function does not return. The exit code is 0 if the work succeeded."""
     code = 1
     try:
         # The terminal sends an interrupt to both processes; the other one handles it.

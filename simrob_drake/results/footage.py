@@ -58,14 +58,23 @@ class Footage:
         self._rendered = lru_cache(maxsize=64)(self._render)
 
     def __len__(self) -> int:
+        """Count of the images."""
         return len(self.times)
 
     def __getitem__(self, number: int) -> Image:
-        """Return an image by its number. Negative numbers count from the end."""
+        """Render an image, or return one of the last 64 that were rendered.
+
+        Args:
+            number: index of the image, from 0. Negative numbers count from the end.
+
+        Raises:
+            IndexError: there is no image of this index.
+        """
         # A range checks the number as a list would, and counts negative ones from the end.
         return self._rendered(range(len(self))[number])
 
     def __iter__(self) -> Iterator[Image]:
+        """Iterate over the images, each rendered when it is reached."""
         return (self[number] for number in range(len(self)))
 
     @property
@@ -79,7 +88,7 @@ class Footage:
         return np.array([image.depth for image in self])
 
     def _render(self, number: int) -> Image:
-        """Render an image by its number, from 0."""
+        """Render the image at a time of `times`, given by its index from 0."""
         time = float(self.times[number])
         positions = positions_in(self._scene.station, self._result, np.array([time]))[0]
         self._scene.place(positions)
@@ -87,7 +96,10 @@ class Footage:
 
 
 def _names_of_labels(scene: PosedStation) -> dict[int, str]:
-    """Names of the bodies of a scene, with the prefix of their robot, by label: a body's index in the plant."""
+    """Names of the bodies of a scene, by the label that their pixels have: a body's index in the plant.
+
+    The names of links begin with the prefix of their robot, which is empty in stations with one robot.
+    """
     prefixes = {robot.instance: robot.prefix for robot in scene.station.robots.values()}
     names = {}
     for index in range(scene.plant.num_bodies()):
@@ -98,7 +110,7 @@ def _names_of_labels(scene: PosedStation) -> dict[int, str]:
 
 
 def footage_of(result: RecordedRun) -> dict[str, Footage]:
-    """Images of a run's cameras, by the name of the camera."""
+    """Images of a run's cameras, by the name of the camera; empty if the station has no camera."""
     cameras = {
         name: sensor
         for name, sensor in result.config.sensors.items()
@@ -125,7 +137,8 @@ def save_footage(footage: dict[str, Footage], folder: Path, *, video: bool = Fal
             Picture.fromarray(image.color).save(own_folder / f"color_{number:04d}.png")
             # PNG has no pixels of floating point numbers: depths are whole millimetres.
             Picture.fromarray(_depth_pixels(image)).save(own_folder / f"depth_{number:04d}.png")
-        # At even times. Fewer images than a strip has would be repeated without np.unique.
+        # Indices of the images in the strip, evenly spaced. If there are fewer than seven images, indices occur several
+        # times: np.unique keeps each once.
         shown = np.unique(np.linspace(0, len(images) - 1, _STRIP_COUNT).round().astype(int))
         colours = [images[number].color for number in shown]
         strip = side_by_side(colours, captions(images.times[shown], None))
@@ -135,7 +148,7 @@ def save_footage(footage: dict[str, Footage], folder: Path, *, video: bool = Fal
 
 
 def _depth_pixels(image: Image) -> npt.NDArray[np.uint16]:
-    """Depth of an image in whole millimetres, as a file has it, shape (h, w)."""
+    """Depth of an image in whole millimetres, as a file has it, shape (h, w). 65535 marks pixels without depth."""
     millimetres = np.clip(_MILLIMETRES * image.depth, 0, _NO_DEPTH)
     depth = np.where(image.has_depth, millimetres, _NO_DEPTH)
     return np.round(depth).astype(np.uint16)

@@ -16,19 +16,22 @@ SEVERITY_COLOURS: dict[Severity, str] = {
 
 
 def html_table(rows: Sequence[Sequence[str]]) -> str:
-    """Write rows of cells as a table. The first row has the headings."""
+    """Write rows of cells as an HTML table. The first row, which must exist, has the headings. Texts are escaped."""
     headings, *body = rows
     lines = [_table_row(headings, "th"), *(_table_row(cells, "td") for cells in body)]
     return f"<table>{''.join(lines)}</table>"
 
 
 def html_of_remarks(sentence: str, remarks: Sequence[Remark], rows: Sequence[Sequence[str]]) -> str:
-    """Write a verdict: a sentence, the warnings with their remedies, and, if there are any, the table of criteria.
+    """Write a verdict in HTML: a sentence, the warnings with their remedies, and the table of criteria.
+
+    The table is left out if there are no warnings.
 
     Args:
-        sentence: the sentence that sums the run up.
-        remarks: remarks of the verdict: the one of the sentence, then the warnings.
-        rows: headings and rows of the table of criteria.
+        sentence: the sentence that sums the run up; it is left out if it is empty.
+        remarks: remarks of the verdict. The first gives the severity, and so the colour, of the sentence; the others
+            are the warnings.
+        rows: rows of the table of criteria, with its headings first.
     """
     summary, *warnings = remarks
     lines = [_colour_text(capitalize(sentence), summary.severity)]
@@ -46,12 +49,12 @@ def html_of_remarks(sentence: str, remarks: Sequence[Remark], rows: Sequence[Seq
 
 
 def _table_row(cells: Sequence[str], tag: str) -> str:
-    """Write one row of a table, with cells of a tag: ``th`` or ``td``."""
+    """Write one row of an HTML table, with cells of a tag: ``th`` or ``td``."""
     return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
 
 
 def _colour_text(text: str, severity: Severity) -> str:
-    """Write a text in the colour of a severity. Returns an empty text unchanged."""
+    """Write a text as HTML, escaped and in the colour of a severity. Returns an empty text unchanged."""
     if not text:
         return ""
     return f'<span style="color: {SEVERITY_COLOURS[severity]}">{escape(text)}</span>'

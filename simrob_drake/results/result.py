@@ -73,7 +73,7 @@ Table: TypeAlias = list[list[str]]
 
 
 def table_of(result: RecordedRun) -> Table:
-    """Table of the end of a run: position and torques of each joint.
+    """Table of the end of a run: position and torques of each joint, in the units of users (degrees and metres).
 
     If the station has no robots, it is the position and the speed of each free piece instead.
     """
@@ -81,7 +81,7 @@ def table_of(result: RecordedRun) -> Table:
 
 
 def _table_of_pieces(result: RecordedRun) -> Table:
-    """Table with the position and the speed of each free piece at the end of a run."""
+    """Table with the position of each free piece in the world, and its speed, at the end of a run."""
     piece_heading = message("results.heading_piece", "piece")
     speed_heading = message("results.heading_speed", "speed [m/s]")
     table = [[piece_heading, "x [m]", "y [m]", "z [m]", speed_heading]]
@@ -94,7 +94,7 @@ def _table_of_pieces(result: RecordedRun) -> Table:
 
 
 def _table_of_joints(result: RecordedRun) -> Table:
-    """Table with the last position, the last torque and the largest torque of each axis of all robots."""
+    """Table with reference, position and torque at the end, largest torque and limit, of each axis of all robots."""
     unit_heading = message("results.heading_unit", "unit")
     table: Table = [
         [
@@ -114,7 +114,7 @@ def _table_of_joints(result: RecordedRun) -> Table:
 
 
 def _row_of_axis(result: RecordedRun, robot: StationRobot, index: int) -> list[str]:
-    """Row of the table of joints for one axis.
+    """Row of the table of joints for one axis; its cells are those of the headings of :func:`_table_of_joints`.
 
     Args:
         result: the run.
@@ -183,7 +183,8 @@ class SimulationResult(RecordedRun):
         # Judged now: the functions that measure distances need the plant, and are lost by pickling.
         moves = tuple(replace(move, verdict=judge_move(self, move)) for move in self.moves)
         content = super()._pickled_content() | {"moves": moves}
-        # The contacts that a verdict needs cannot be evaluated again if there is a recorded motion only.
+        # `cached_property` keeps a verdict that was evaluated in __dict__. The contacts that a verdict needs cannot be
+        # evaluated again if there is a recorded motion only.
         if "verdict" in self.__dict__ or content["motion"] is not None:
             content["verdict"] = self.verdict
         return content
@@ -203,7 +204,10 @@ class SimulationResult(RecordedRun):
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Verdict about the run: how far it did what was asked. Its bounds are set under ``verdict`` in a station."""
+        """Verdict about the run: how far it did what was asked. Its bounds are set under ``verdict`` in a station.
+
+        It is evaluated when it is first used.
+        """
         verdict = self._verdict_of_program() if self.runs else verdict_of(self)
         # Inertias that an import has estimated are noted with every result.
         estimates = [estimated_inertias(robot.model) for robot in self.plant.robots.values()]
@@ -212,11 +216,13 @@ class SimulationResult(RecordedRun):
         return replace(verdict, notes=notes, moves=(*own_moves, *verdict.moves))
 
     def _verdict_of_program(self) -> Verdict:
-        """Combine the verdicts about the runs of a program."""
+        """Combine the verdicts about the runs of a program, and add how the program ended and its doubts."""
+        # A run that continues another one at its time has absolute times; those of the program count from 0.
         verdict = join_verdicts(
             [run.verdict for run in self.runs],
-            [run.stop_time for run in self.runs],
-            [run.place for run in self.runs],
+            durations=[run.simulated_time for run in self.runs],
+            names=[run.place for run in self.runs],
+            starts=[run.start_time for run in self.runs],
         )
         return replace(
             with_move_names(verdict, self.move_spans),
@@ -477,7 +483,11 @@ def join_runs(
 
 
 def _check_same_names(stations: Sequence[StationConfig]) -> None:
-    """Check that stations have robots and pieces of the same names; raises InvalidParameter if they do not."""
+    """Check that stations have robots and pieces of the same names.
+
+    Raises:
+        InvalidParameter: they do not.
+    """
     # Signals and plants are joined by names: a robot that is missing in one of the runs would have no motion
     # there.
     for key in ("robots", "pieces"):
@@ -491,7 +501,11 @@ def _check_same_names(stations: Sequence[StationConfig]) -> None:
 
 
 def _handed_over_pieces(stations: Sequence[StationConfig]) -> list[str]:
-    """Names of the pieces that hang on different things, or at different poses, in some stations."""
+    """Names of the pieces that hang on different things, or at different poses, in some of the stations.
+
+    Args:
+        stations: stations with pieces of the same names.
+    """
     handed_over = []
     for name in stations[0].pieces:
         pieces = [station.pieces[name] for station in stations]
@@ -515,7 +529,8 @@ def _marks(
         ends: time at which each run ends, since the start of the program [s].
     """
     marks = []
-    # the last run may have no station after it
+    # For each run: its end, its station and the station after it. The last run may have no station after it; its mark
+    # is left out then.
     changes = zip(runs, ends.tolist(), pairwise(stations), strict=False)
     for index, (run, end, (before, after)) in enumerate(changes):
         hand_overs = []
@@ -533,7 +548,10 @@ def _marks(
 
 
 def _end_in_words(run: RecordedRun) -> str:
-    """Sentence that a run of a program ends, with the number of its move and the name that the user gave it."""
+    """Sentence that a run of a program ends, such as ``move 3 (move_l of left) ends``.
+
+    The name of the move is left out if the run has none.
+    """
     did = run.did or message("results.a_move", "move")
     if not run.place:
         return message("results.run_ends", "{did} ends", did=did)
@@ -545,7 +563,7 @@ class _ProgramMotion:
 
     Attributes:
         plant: the plant of the program: that of the last run, or if pieces are handed over, one in which these are
-            free.
+            free. Without hand-overs, the plants of all runs have the same joints in the same order.
     """
 
     def __init__(
@@ -569,7 +587,10 @@ class _ProgramMotion:
             ]
 
     def positions_at(self, times: Vector) -> Vector:
-        """Positions of the plant (k, nq) at times (k,) [s] since the start of the program."""
+        """Positions of the program's plant (k, nq) at times (k,) [s] since the start of the program.
+
+        At a time at which one run ends and the next one begins, they are those of the next one.
+        """
         # Index of the run to which each time belongs: the last one that has begun. Times outside of the program belong
         # to the first or the last run.
         begun_counts = np.searchsorted(self._begins, times, side="right")
@@ -587,7 +608,7 @@ class _ProgramMotion:
 
 
 def _plant_of_program(runs: Sequence[RecordedRun], config: StationConfig) -> StationPlant:
-    """Build the plant of a program in which pieces are handed over.
+    """Build the plant of a program in which pieces are handed over. Its robots have the names of all tools they used.
 
     Args:
         runs: the runs.
@@ -606,9 +627,10 @@ def _plant_of_program(runs: Sequence[RecordedRun], config: StationConfig) -> Sta
 def _contacts_of_program(
     runs: Sequence[RecordedRun], handed_over: Sequence[str]
 ) -> ContactsAt | None:
-    """Function that yields Drake's contact results of a program.
+    """Function that yields Drake's contact results of a program at times (k,) [s].
 
-    Returns None if the program has several runs, or a plant that is not that of its run.
+    Returns None if the program has several runs or hands pieces over: contact results belong to the plant of one run.
+    It is also None if the only run has no contact.
     """
     return runs[0].contacts_at if len(runs) == 1 and not handed_over else None
 
@@ -618,8 +640,11 @@ def _with_signals(whole: Run, kept: Sequence[slice], handed_over: Sequence[str])
 
     Args:
         whole: the program, with its times and its plant.
-        kept: the samples of each run that belong to the program.
-        handed_over: names of the pieces.
+        kept: for each run, the range of its samples that belong to the program.
+        handed_over: names of these pieces.
+
+    Returns:
+        a copy of the program with names, declarations and values of its signals.
     """
     pose_signals = [piece_pose_signal(piece) for piece in handed_over]
     pose_names = [name for signal in pose_signals for name in signal.names]
@@ -678,7 +703,8 @@ def _with_free_pieces(config: StationConfig, pieces: Sequence[str]) -> StationCo
 
 
 def _free_piece(entry: PieceConfig, mass: float) -> PieceConfig:
-    """Copy the section of a piece, as a free body of some mass [kg]. Its inertia is any valid one."""
+    """Copy the section of a piece, as a free body of some mass [kg]."""
+    # Any valid inertia will do, since no force moves the piece. The density is removed: it would contradict the mass.
     body = {"mass": mass, "density": None, "inertia": (1.0, 1.0, 1.0)}
     return entry.model_copy(update={"parent": "world", "frame": None, "free": True, **body})
 
@@ -706,7 +732,7 @@ def _positions_in_program(
 
 
 def _by_joint(plant: MultibodyPlant, positions: Vector) -> _PositionsOfJoints:
-    """Split positions of a plant (k, nq) into those of its joints."""
+    """Split positions of a plant, shape (k, nq), into those of its joints, by the name of the joint."""
     return {joint.name: positions[:, joint.positions] for joint in joints_of(plant)}
 
 
@@ -721,7 +747,7 @@ def _free_positions(
         positions: positions of the run's plant, shape (k, nq).
 
     Returns:
-        positions of the joint of each free piece, shape (k, 7): qw qx qy qz x y z.
+        positions of the joint that each piece would have, by the name of this joint, shape (k, 7): qw qx qy qz x y z.
     """
     plant = run.plant.plant
     bodies = {piece: run.plant.piece_frame(piece, piece) for piece in pieces}
@@ -738,6 +764,8 @@ def _free_positions(
 
 def _end_of_program(last: RecordedRun, count: int, begin: float) -> str:
     """Describe how a program of several runs ended.
+
+    The text of a single run that did not run to its end is kept as it is, but for the time of a monitor.
 
     Args:
         last: its last run.

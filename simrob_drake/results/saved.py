@@ -7,11 +7,13 @@ from typing import Any, TypeAlias
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter, quote_value
-from simrob_drake.base.files import text_of
 from simrob_drake.base.messages import join_texts, message
-from simrob_drake.base.yaml_files import parse_json
-from simrob_drake.results.files import SUMMARY
-from simrob_drake.results.plots.overlay import SavedSignals, overlay_figure, read_signals
+from simrob_drake.results.plots.overlay import (
+    SavedSignals,
+    overlay_figure,
+    read_signals,
+    read_summary,
+)
 from simrob_drake.results.plots.own import NotebookFigure, complete_figure
 from simrob_drake.results.record.run import RecordedRun
 from simrob_drake.results.record.servos import servo_in_words, servos_of
@@ -59,9 +61,10 @@ def load_result(folder: Path | str) -> SavedResult:
     Raises:
         InvalidConfig: the folder holds no result, or a damaged one.
     """
+    # The signals come from signals.csv; the summary has everything that is not a signal.
     path = as_path(folder, "folder")
     signals = read_signals(path)
-    summary = parse_json(text_of(path / SUMMARY), path / SUMMARY)
+    summary = read_summary(path)
     return SavedResult(
         name=signals.name,
         times=signals.times,
@@ -101,9 +104,12 @@ def plot_results(*results: AnyResult, signals: Sequence[str] = ()) -> NotebookFi
 
 
 def _signals_of(result: AnyResult) -> SavedSignals:
-    """Signals of a result in any of its forms.
+    """Signals of a result in any of its forms, with the name that the legend of a figure shows.
+
+    The name of a run has the gains of its first robot, since runs of the same station would have equal names.
 
     Raises:
+        InvalidConfig: the folder holds no result.
         InvalidParameter: the value is no result.
     """
     if isinstance(result, SavedSignals):

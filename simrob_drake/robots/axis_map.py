@@ -23,9 +23,9 @@ from simrob_drake.base.sections import Number
 
 
 def in_a_row(places: npt.NDArray[np.intp]) -> npt.NDArray[np.intp] | slice:
-    """Convert indices of an array to a slice, if they follow each other.
+    """Convert indices of an array to a slice, if each is one more than the index before.
 
-    A slice takes a third of the time to read or write.
+    Reading or writing entries by a slice takes a third of the time. Other indices are returned unchanged.
     """
     # An empty array has no first index for a slice.
     are_consecutive = len(places) > 0 and bool((np.diff(places) == 1).all())
@@ -163,7 +163,7 @@ class AxisMap:
     def actuation_matrix(
         self, plant: MultibodyPlant, instance: ModelInstanceIndex, passive: Flags | None = None
     ) -> Vector:
-        """Compute the matrix from efforts of the axes to the inputs of a robot's actuators, shape (nu, n).
+        """Compute the matrix from efforts of the axes to the inputs of a robot's nu actuators, shape (nu, n).
 
         The first actuator of a joint is its motor. Further ones, such as that of its friction, get no effort.
 
@@ -212,7 +212,7 @@ AxisValues = Number | list[Number] | dict[str, Number]
 
 
 def every_axis(accepts: Callable[[float], bool], meaning: str) -> AfterValidator:
-    """Make a check of the values that a user gives for the axes.
+    """Make a check of the values that a user gives for the axes, as an annotation of a pydantic field.
 
     Args:
         accepts: returns whether a number is allowed.
@@ -285,7 +285,10 @@ def with_units(values: Vector, units: Sequence[str], written: Callable[[Vector],
     Args:
         values: a value of each axis, shape (n,) or (n, k), in the axis' unit.
         units: unit of each axis.
-        written: function that writes some of the values.
+        written: function that writes the values of the axes with the same unit, shape (i,) or (i, k).
+
+    Returns:
+        the texts of all units, in the order in which the units appear, such as ``10, 20 deg, 0.5 m``.
     """
     # A set would lose the order of the axes, in which the units appear.
     kinds = list(dict.fromkeys(units))

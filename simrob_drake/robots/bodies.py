@@ -69,7 +69,9 @@ def bodies(robot: ET.Element) -> dict[str, list[ET.Element]]:
 
 
 def links_without_inertia(robot: ET.Element, *, floating: bool = False) -> list[str]:
-    """Find the moving links whose body has no mass: a dynamic simulation cannot move them.
+    """Find the moving links whose body has no mass, by name: a dynamic simulation cannot move them.
+
+    A moving link is one that a joint moves. The links that are fixed to it are not listed, but their mass counts.
 
     Args:
         robot: a ``robot`` element.
@@ -131,12 +133,16 @@ class _Inertia:
 
 
 def merge_fixed_links(robot: ET.Element) -> None:
-    """Merge every link of a checked URDF that is on a fixed joint into its parent; changes the element.
+    """Merge every link of a checked URDF that is on a fixed joint into its parent, in place.
 
-    A frame with the name of the link replaces the link.
+    A frame with the name of the link replaces the link. The link's shapes, inertia, joints and frames go over to the
+    parent.
+
+    Args:
+        robot: the ``robot`` element. It is changed.
     """
     links = {name_of(link): link for link in robot.iterfind("link")}
-    # The joints and frames that start at each link. They move to the parent with the link.
+    # The joints and frames that start at each link, by the link's name. They move to the parent with the link.
     starting: dict[str, list[ET.Element]] = {name: [] for name in links}
     for joint in robot.iterfind("joint"):
         starting[link_of(joint, "parent")].append(joint)
@@ -166,9 +172,12 @@ def merge_fixed_links(robot: ET.Element) -> None:
 
 
 def _merge_link(child: ET.Element, parent: ET.Element, pose: RigidTransform) -> None:
-    """Add the shapes and the inertia of a link to its parent, in which it has the given pose; changes the parent.
+    """Add the shapes and the inertia of a link to its parent, in place. A link without mass adds its shapes only.
 
-    A link without mass adds its shapes only.
+    Args:
+        child: the link. The poses of its shapes are changed, too, since the parent gets the same elements.
+        parent: the link to which it is fixed.
+        pose: pose of the child in the parent.
     """
     # Poses of shapes are given in their link, so that they change with the link to which they belong.
     shapes = [element for tag in SHAPE_TAGS for element in child.iterfind(tag)]

@@ -137,7 +137,11 @@ class RobotModel(Strict):
 
     @model_validator(mode="after")
     def _check_source(self) -> "RobotModel":
-        """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder."""
+        """Check that the robot has a URDF or a table, not both, and that the URDF is in the robot's folder.
+
+        Raises:
+            ValueError: one of these does not hold; pydantic reports the error with the key.
+        """
         if (self.urdf is None) == (self.dh is None):
             raise ValueError(
                 message("robots.urdf_or_dh", "a robot has either a urdf or a dh table")
@@ -177,9 +181,13 @@ class RobotModel(Strict):
     def element(self) -> Element:
         """The checked ``robot`` element of the URDF, with the drives of this description.
 
+        It is read when it is first used.
+
         Raises:
-            InvalidModel: the file is damaged.
-            InvalidParameter: the key ``root`` does not name the root link.
+            InvalidModel: the file is damaged, or the table describes an impossible robot.
+            InvalidParameter: the key ``root`` does not name the root link, or a list of values has the wrong length.
+            UnknownName: a value is given for an axis that the robot does not have.
+            Unsuitable: an axis gets a motor whose largest torque is not given.
         """
         # A table can describe an impossible robot as well as a file can, so that it has the same checks.
         if self.dh is None:
@@ -214,8 +222,12 @@ class RobotModel(Strict):
 
         Nothing changes if the description has no key ``servo.passive``.
 
+        Args:
+            root: the ``robot`` element. It is changed.
+
         Raises:
-            UnknownName: the key names an axis that the robot does not have.
+            InvalidParameter: ``servo.torque_limit`` is a list of the wrong length.
+            UnknownName: a key names an axis that the robot does not have.
             Unsuitable: an axis gets a motor whose largest torque is not given.
         """
         if self.servo.passive is None:
@@ -269,7 +281,13 @@ class RobotModel(Strict):
         return self.model_copy(update={"servo": servo})
 
     def _by_joint(self, joints: list[str], values: AxisValues, key: str) -> dict[str, float]:
-        """Spread the values of a key over the joints, by name. Joints of axes without a value are left out."""
+        """Spread the values of a key over the joints, by name. Joints of axes without a value are left out.
+
+        Args:
+            joints: names of the joints of the axes, in the order of the axes.
+            values: values as a user gives them: one number, a list, or a mapping by axis.
+            key: key of the values, for error messages.
+        """
         # NaN means an axis without a value.
         vector = self.axis_vector(values, key, np.nan)
         return {
@@ -282,6 +300,10 @@ class RobotModel(Strict):
         """Copy the robot with changed drives: the keys that ``drives`` sets replace its own.
 
         A mapping by axis changes only the values of the axes that it names.
+
+        Raises:
+            InvalidParameter: a list has the wrong length.
+            UnknownName: a mapping names an axis that the robot does not have.
         """
         # Keys with their defaults are not changes: they must not replace the values of the robot.
         changes = drives.model_dump(exclude_unset=True)
@@ -380,6 +402,10 @@ class RobotModel(Strict):
         """Backlash of every axis: the motion of its link while its motor stands still, shape (n,) [rad or m].
 
         It is 0 for a passive axis, which has no motor and no gear.
+
+        Raises:
+            InvalidParameter: ``drives.backlash_deg`` is a list of the wrong length.
+            UnknownName: ``drives.backlash_deg`` names an axis that the robot does not have.
         """
         # The key has the user's units. Without the key, no axis has play.
         play = self.user_units * self.axis_vector(
@@ -444,7 +470,11 @@ class RobotModel(Strict):
         return followers_among(self.axes, self.joints)
 
     def with_followers(self, positions: Vector) -> Vector:
-        """Move followers to the positions that their leaders demand, in positions (..., n) [rad or m]."""
+        """Copy positions, with followers moved to where their leaders take them.
+
+        Args:
+            positions: positions of the axes, shape (..., n) [rad or m].
+        """
         return with_followers(list(self.axes), self.followers, positions)
 
     @cached_property
@@ -458,6 +488,10 @@ class RobotModel(Strict):
 
         An axis for which ``home_deg`` has no value of its own is at zero or, if its range excludes zero, in the middle
         of its range.
+
+        Raises:
+            InvalidParameter: ``home_deg`` is a list of the wrong length.
+            UnknownName: ``home_deg`` names an axis that the robot does not have.
         """
         defaults = middles(self.limits, self.user_units)
         values = self.axis_vector(self.home_deg, "home_deg", defaults)
@@ -561,7 +595,11 @@ class RobotModel(Strict):
         return np.broadcast_to(vector, (count,)).copy()
 
     def firmness(self, values: AxisValues | None) -> list[Firmness]:
-        """Find how firmly a user's values give the position of each of the n axes: see :func:`firmness_of_values`."""
+        """Find how firmly a user's values give the position of each of the n axes; see :class:`Firmness`.
+
+        Args:
+            values: the values that the user writes under one key; None if there are none.
+        """
         return firmness_of_values(values, len(self.axes), self.axis_index)
 
     def axis_index(self, axis: str, where: str = "") -> int:
@@ -634,6 +672,7 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
     Raises:
         InvalidModel: the file cannot be read or has a defect.
         InvalidParameter: the robot has no joint that moves.
+        InvalidConfig: the ``robot.yaml`` has a wrong entry.
     """
     path = as_path(path, "path")
     described = described_robot(path)
@@ -666,7 +705,9 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
 def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
     """Convert the fingers of a hand from rad or m to the user's units, as in a ``robot.yaml``.
 
-    The robot is that of a URDF alone, whose axes have the names of their joints.
+    Args:
+        robot: a robot of a URDF alone, whose axes have the names of their joints.
+        hand: its fingers, by the name of the joint.
     """
     unit_sizes = dict(zip(robot.axes, robot.user_units.tolist(), strict=True))
     axes = {}
@@ -696,7 +737,16 @@ def _home_of_urdf(robot: RobotModel) -> AxisValues:
 
 
 def described_robot(path: Path) -> RobotModel | None:
-    """Load the robot of the ``robot.yaml`` in the folder of a URDF. Returns None if there is none for this URDF."""
+    """Load the robot of the ``robot.yaml`` in the folder of a URDF.
+
+    Returns None if the folder has no such file, or if the file names another URDF.
+
+    Args:
+        path: the URDF.
+
+    Raises:
+        InvalidConfig: the ``robot.yaml`` has a wrong entry.
+    """
     file = path.parent / ROBOT_FILE
     if file_state(file) is None:
         return None

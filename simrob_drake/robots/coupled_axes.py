@@ -181,7 +181,7 @@ class CoupledAxes:
 
     @cached_property
     def _is_follower(self) -> npt.NDArray[np.bool_]:
-        """Whether each axis is a follower, the first axis in the ratios of an equation, shape (n,)."""
+        """Whether each axis is a follower, which is the first axis in the ratios of some equation, shape (n,)."""
         # A dict keeps the order in which the user, or the URDF, has written the axes.
         first = {next(iter(equation.ratios)) for equation in self.equations if equation.ratios}
         return np.array([name in first for name in self.names], dtype=bool)

@@ -29,7 +29,10 @@ def gripper_advice(robot: RobotModel) -> str:
     """Write an advice for a robot without fingers, for error messages: how to declare its last joint as a jaw.
 
     A robot with a description file of its own gets a line for this file. Files of imported robots are in a cache, where
-    users should not write; such a robot gets an option of the import.
+    users should not write; such a robot gets an option of the import, as does one without a description file.
+
+    Args:
+        robot: a robot without fingers.
     """
     # The best guess for a jaw is the last axis, since axes are listed from the base outward.
     jaw_axis = list(robot.axes)[-1]

@@ -92,7 +92,11 @@ class DhRow(Strict):
 
     @model_validator(mode="after")
     def _check_limits(self) -> "DhRow":
-        """Check that limits and speed are given under the keys of this kind of joint, and that limits are in order."""
+        """Check that limits and speed are given under the keys of this kind of joint, and that limits are in order.
+
+        Raises:
+            ValueError: they are not; pydantic reports the error with the key.
+        """
         if self.type == "revolute":
             limit_key = "limit_deg"
             velocity_key = "velocity_deg"
@@ -323,7 +327,7 @@ def _add_shapes(link: ET.Element, shapes: list[LinkShape]) -> None:
 def _add_inertia(
     link: ET.Element, row: DhRow, frame: RigidTransform, shapes: list[LinkShape]
 ) -> None:
-    """Add the inertia of a link. Values that its row does not give follow from its shapes.
+    """Add the inertia of a link. Centre and moments that its row does not give are those of its shapes, evenly filled.
 
     Args:
         link: the link.
@@ -349,7 +353,7 @@ def _add_inertia(
 
 
 def _add_motion(joint: ET.Element, row: DhRow) -> None:
-    """Add axis, limits and viscous friction to a joint."""
+    """Add the axis, the limits (of position, effort and, if the row has one, speed) and the damping to a joint."""
     # Denavit and Hartenberg's frames have their z axes along the joints.
     ET.SubElement(joint, "axis", xyz="0 0 1")
     lower, upper = row.range
@@ -366,7 +370,7 @@ def _add_motion(joint: ET.Element, row: DhRow) -> None:
 
 
 def link_shapes(table: DhTable) -> list[list[LinkShape]]:
-    """Generate the shapes of all links, those of the base first, in the frames of the links.
+    """Generate the shapes of all links but ``tool0``, those of the base first, in the frames of the links.
 
     Each link has a drum or a rod at its joint, and tubes to the next joint or to the tool. The base has a foot, the
     last link a flange.
@@ -388,7 +392,7 @@ def link_shapes(table: DhTable) -> list[list[LinkShape]]:
 
 
 def _radii(table: DhTable) -> Vector:
-    """Compute the radius of the tubes of each link, from the base to the tool, shape (rows + 1,) [m]."""
+    """Compute the radius of the tubes of each link but ``tool0``, from the base outward, shape (rows + 1,) [m]."""
     # Length of the extended arm. The first origin is that of the base, which may be a column of any height.
     length = sum(float(np.linalg.norm(origin.translation())) for origin in table.origins()[1:])
     length += sum(row.range[1] - row.range[0] for row in table.rows if row.type == "prismatic")
@@ -451,12 +455,19 @@ def _joint(table: DhTable, number: int, radius: float) -> Solid:
 
 
 def _drum(frame: RigidTransform, *, radius: float, length: float, centre: float) -> Solid:
-    """Make a cylinder along the z axis of a frame, with its centre at a height in the frame [m]."""
+    """Make a cylinder along the z axis of a frame.
+
+    Args:
+        frame: pose of the frame in the link.
+        radius: radius of the cylinder [m].
+        length: its length [m].
+        centre: z of its centre in the frame [m].
+    """
     return Solid(frame @ RigidTransform(np.array([0.0, 0.0, centre])), Cylinder(radius, length))
 
 
 def _tube(start: Vector, end: Vector, radius: float) -> Solid:
-    """Make a cylinder between two points (3,) [m]."""
+    """Make a cylinder of a radius [m] between two points (3,) [m] in the frame of the link."""
     z_axis = 2
     rotation = RotationMatrix.MakeFromOneVector(end - start, z_axis)
     length = float(np.linalg.norm(end - start))

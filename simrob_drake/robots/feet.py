@@ -55,7 +55,12 @@ class FootContact(FootSurface):
 
     @model_validator(mode="after")
     def _check_links(self) -> "FootContact":
-        """Check that the feet have either spheres or boxes, and that ``others`` names feet only."""
+        """Check that the feet have either spheres or boxes, and that ``others`` names feet only.
+
+        Raises:
+            ValueError: both or none of the two are given, or ``others`` names a link that is no foot. Pydantic reports
+                the error with the key.
+        """
         # Equal truth values mean that both are given or that both are missing.
         if bool(self.points) == bool(self.boxes):
             raise ValueError(
@@ -79,7 +84,11 @@ class FootContact(FootSurface):
         return [*self.points, *self.boxes]
 
     def surface(self, link: str) -> FootSurface:
-        """Return the radius and the contact properties of one foot."""
+        """Return the radius and the contact properties of one foot.
+
+        Args:
+            link: name of the foot's link. Unless it is among ``others``, the values are those of all feet.
+        """
         own = self.others.get(link)
         if own is None:
             return self
@@ -135,7 +144,7 @@ class Feet(Strict):
 
     @model_validator(mode="after")
     def _check_default(self) -> "Feet":
-        """Check that the default is one of the kinds."""
+        """Check that the default is one of the kinds. Raises ValueError, which pydantic reports with the key."""
         if self.default not in self.contacts:
             raise ValueError(
                 message(
@@ -148,7 +157,7 @@ class Feet(Strict):
         return self
 
     def kind(self, name: str | None) -> FootContact:
-        """Return a kind of feet by its name, or the default one if the name is None.
+        """Return the contact shapes of a kind of feet by its name, or those of the default one if the name is None.
 
         Raises:
             UnknownName: there is no such kind.
@@ -160,10 +169,10 @@ class Feet(Strict):
 
 
 def put_on_feet(robot: ET.Element, feet: FootContact) -> None:
-    """Replace the collision shapes of a robot's feet by contact shapes, in place.
+    """Replace the collision shapes of a robot's feet by contact shapes, in place. Other links keep theirs.
 
     Args:
-        robot: the URDF.
+        robot: the ``robot`` element of the URDF.
         feet: the contact shapes.
 
     Raises:

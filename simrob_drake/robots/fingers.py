@@ -61,7 +61,11 @@ class Gripper(Strict):
 
     @model_validator(mode="after")
     def _check_travel(self) -> "Gripper":
-        """Check that each finger is closed and open at different positions."""
+        """Check that each finger is closed and open at different positions.
+
+        Raises:
+            ValueError: a finger is not; pydantic reports the error with the key.
+        """
         still = [axis for axis, (closed, opened) in self.axes.items() if closed == opened]
         if still:
             raise ValueError(
@@ -194,7 +198,11 @@ def _joints_named_as_jaws(root: ET.Element, joints: Mapping[str, ET.Element]) ->
     """Find the joints that may move the only moving jaw of a hand, by name.
 
     Such a joint, or its link, is named as a jaw. No other joint moves beyond this joint, which follows no other joint
-    and leads none. The link that holds it moves and has a shape.
+    and leads none. The link that holds it moves and has a shape, and holds no other such joint.
+
+    Args:
+        root: the ``robot`` element.
+        joints: the moving joints, by name.
     """
     starts = joints_at(root)
     carrier_of = carriers(root)
@@ -262,7 +270,10 @@ class MimicLine(NamedTuple):
 
 
 def mimic_line(follows: ET.Element) -> MimicLine:
-    """Read the factor and the offset by which a joint follows another, from its element FOLLOWS."""
+    """Read the factor and the offset by which a joint follows another, from its element FOLLOWS.
+
+    As in a URDF's ``mimic``, they are 1 and 0 unless given.
+    """
     return MimicLine(float(follows.get("multiplier", "1")), float(follows.get("offset", "0")))
 
 
@@ -307,6 +318,10 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
 
     Returns None if there are fewer than two such joints, or more than _MOST_FINGERS. The first position of each joint
     is the end of its travel at which the fingers are nearest to each other.
+
+    Args:
+        root: the ``robot`` element.
+        joints: the moving joints, by name.
     """
     starts = joints_at(root)
     # For each palm: the limits of the joints that slide on it, by the joint's name.
@@ -400,7 +415,12 @@ def _mean_distance(root: ET.Element, positions: Mapping[str, float], palm: str) 
 
 
 def _joint_motion(joint: ET.Element, position: float) -> RigidTransform:
-    """Compute the motion of a joint from its zero to a position [rad or m]: a translation or a rotation."""
+    """Compute the motion of a joint from its zero to a position: a translation or a rotation along or about its axis.
+
+    Args:
+        joint: a joint that slides or turns.
+        position: the position [rad or m].
+    """
     # The axis of a joint without an element <axis> is x, by the definition of URDF.
     element = joint.find("axis")
     direction = "1 0 0" if element is None else element.get("xyz", "1 0 0")

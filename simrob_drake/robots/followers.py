@@ -46,7 +46,8 @@ def followers_among(
 
     Args:
         axes: the axes of a robot, by name.
-        joints: the ``joint`` elements of the axes, in the same order.
+        joints: the ``joint`` elements of the axes, in the same order. An import has put the ``mimic`` of a joint into
+            an element FOLLOWS.
 
     Returns:
         the followers, by the name of the axis. A joint that follows a joint without an axis is not among them.

@@ -47,7 +47,7 @@ class GaitsFile:
 
     @property
     def sections(self) -> list[str]:
-        """Names of the sections."""
+        """Names of the sections: the keys of the file whose values are mappings."""
         return [name for name, value in self.content.items() if isinstance(value, Mapping)]
 
     def section(self, name: str) -> Mapping[str, Any]:

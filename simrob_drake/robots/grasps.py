@@ -94,7 +94,7 @@ class Stroke:
         return float(self.gaps[-1])
 
     def opening(self, gap: float) -> float:
-        """Opening at which the faces have a gap [m]."""
+        """Opening at which the faces have a gap [m]: 0 for gaps below that of the closed hand, 1 for very wide ones."""
         return float(np.interp(gap, self.gaps, _OPENINGS))
 
     def effort(self, opening: float) -> float:
@@ -194,7 +194,12 @@ class _Tip:
     """
 
     def __init__(self, body: RigidBody, shapes: list[Vector]) -> None:
-        """Compute the hulls of a link's shapes from their corners, shape (k, 3) each [m]."""
+        """Compute the hulls of a link's shapes.
+
+        Args:
+            body: the link.
+            shapes: corners of each shape in the frame of the link, shape (k, 3) each [m]. They are not in one plane.
+        """
         # Imported here, since it takes long and only hands need it.
         from scipy.spatial import ConvexHull
 
@@ -262,7 +267,10 @@ class _Hand:
         self.palm = plant.GetFrameByName(link_of(joint, "parent"), self._robot.instance)
 
     def stroke(self) -> Stroke | None:
-        """Measure the gap over the opening. Returns None if no two fingers close on each other."""
+        """Measure the gap between the faces that meet first, over the opening.
+
+        Returns None if no two fingers close on each other.
+        """
         meeting = self.meeting()
         if meeting is None:
             return None
@@ -377,20 +385,23 @@ class _Hand:
         return _Tip(body, outlines) if outlines else None
 
     def _open(self, opening: float) -> None:
-        """Set all fingers to an opening, and the other axes to their home positions."""
+        """Set all fingers to an opening (0 closed, 1 open), and the other axes to their home positions."""
         position = self._model.home.copy()
         for axis, (closed, opened) in self._model.fingers.items():
             position[axis] = closed + opening * (opened - closed)
         self._robot.axes.set_positions(self._robot.plant, self._context, position)
 
     def _pose(self, tip: _Tip) -> RigidTransform:
-        """Pose of a tip at the present opening."""
+        """Pose of a tip in the frame of the palm, at the present opening."""
         return self._robot.plant.CalcRelativeTransform(
             self._context, self.palm, tip.body.body_frame()
         )
 
     def _tip_middles(self, tips: list[_Tip], opening: float) -> Vector:
-        """Compute the middle of the corners of two tips at an opening, shape (2, 3) [m]."""
+        """Compute the mean of the corners of two tips at an opening, in the frame of the palm, shape (2, 3) [m].
+
+        The fingers stay at this opening.
+        """
         self._open(opening)
         return np.array([self._pose(tip) @ tip.points.mean(axis=0) for tip in tips])
 

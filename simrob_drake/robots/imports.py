@@ -63,7 +63,7 @@ class ImportOptions(Strict):
     @field_validator("packages")
     @classmethod
     def _check_packages(cls, entries: tuple[str, ...]) -> tuple[str, ...]:
-        """Check that each package has a name and a folder."""
+        """Check that each package has a name and a folder. Raises ValueError, which pydantic reports with the key."""
         for entry in entries:
             # An equals sign without a folder would mean the current folder, which is hardly meant.
             name, equals, folder = entry.partition("=")
@@ -79,7 +79,7 @@ class ImportOptions(Strict):
 
     @property
     def package_folders(self) -> dict[str, Path]:
-        """Folders of the packages that the user names, by the name of the package."""
+        """Absolute folders of the packages that the user names, by the name of the package."""
         pairs = (entry.partition("=") for entry in self.packages)
         return {name: Path(folder).absolute() for name, _, folder in pairs}
 
@@ -170,11 +170,22 @@ class ImportReport:
     entries: list[Entry] = field(default_factory=list)
 
     def add(self, kind: EntryKind, element: str, text: str) -> None:
-        """Add an entry; see :class:`Entry` for its fields."""
+        """Add an entry.
+
+        Args:
+            kind: kind of the change, such as ``repaired``; see :class:`Entry`.
+            element: the element, such as ``joint 'elbow' <limit>``; empty for the whole file.
+            text: description of the change, with the old and the new value.
+        """
         self.entries.append(Entry(kind, element, text))
 
     def refusal(self, element: str, problem: str) -> InvalidModel:
-        """Make the error for a problem that cannot be repaired. It names the file and the element."""
+        """Make the error for a problem that cannot be repaired, for the caller to raise. No entry is added.
+
+        Args:
+            element: the element, such as ``joint 'elbow'``; empty for the whole file.
+            problem: the problem in words.
+        """
         return InvalidModel(self.source, element, problem)
 
     def of(self, kind: EntryKind) -> list[Entry]:
@@ -216,6 +227,9 @@ keep_former_attributes(ImportReport, changed="has_changes")
 
 def read_report(folder: Path) -> ImportReport | None:
     """Read the report that an import has written into the folder of a robot.
+
+    Args:
+        folder: the folder.
 
     Returns:
         the report, or None if there is no report or if it cannot be read.

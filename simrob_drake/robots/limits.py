@@ -150,7 +150,7 @@ class AxisLimits:
         )
 
     def clamp(self, positions: Vector, what: str) -> Vector:
-        """Move positions that are beyond a limit by rounding to that limit.
+        """Copy positions, with those that are beyond a limit by rounding moved to that limit.
 
         A warning of class ``ClampedPosition`` names each axis that is moved by more than arithmetic rounding.
 
@@ -188,7 +188,12 @@ class AxisLimits:
 def distinct_texts(value: float, limit: float) -> tuple[str, str]:
     """Format a position and a limit with the fewest digits with which the two texts differ, but at least five.
 
-    Returns the text of the position and the text of the limit. Equal numbers have equal texts.
+    Args:
+        value: the position.
+        limit: the limit, in the same unit.
+
+    Returns:
+        the text of the position and the text of the limit. Equal numbers have equal texts.
     """
     for digits in range(_FEWEST_DIGITS, _MOST_DIGITS):
         value_text = f"{value:.{digits}g}"

@@ -98,7 +98,7 @@ class Motor(Strict):
     def line(self) -> tuple[float, float]:
         """Stall torque [N·m or N] and no-load speed [rad/s or m/s] at the voltage of the supply.
 
-        The motor must have both values.
+        The motor must have both values. Without a ``supply``, they count as given at the voltage of the supply.
         """
         assert self.stall_torque is not None
         assert self.no_load_speed is not None
@@ -116,7 +116,7 @@ class Motor(Strict):
 
     @property
     def at_output(self) -> "Motor":
-        """The same motor with its torques behind the gear, and a gear efficiency of 1."""
+        """A copy of the motor with its torques behind the gear, and a gear efficiency of 1."""
         # Speeds pass the gear without loss, so that only torques change.
         update: dict[str, float] = {"gear_efficiency": 1.0}
         for key in ("stall_torque", "peak_torque", "rated_torque"):

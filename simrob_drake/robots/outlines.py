@@ -30,7 +30,10 @@ _CORNER_SIGNS = np.array(list(product((-1.0, 1.0), repeat=3)))
 
 
 def _turns_that_point_down() -> list[RigidTransform]:
-    """Make rotations that turn each of 26 directions downwards: to the faces, edges and corners of a cube."""
+    """Make rotations that turn each of 26 directions downwards (to -z).
+
+    The directions are those from the centre of a cube to its 6 faces, 12 edges and 8 corners.
+    """
     turns = []
     for direction in product((-1.0, 0.0, 1.0), repeat=3):
         if not any(direction):
@@ -70,7 +73,7 @@ def shape_outline(inspector: SceneGraphInspector, shape_id: GeometryId) -> Vecto
 
 
 def lowest_points(shape: Shape, pose: RigidTransform, corners: Vector) -> Vector:
-    """Compute points of a convex shape at a pose, one of which is its lowest point.
+    """Compute points of a convex shape at a pose, one of which is its lowest point. "Low" is along the world's -z.
 
     Args:
         shape: the shape.

@@ -42,6 +42,9 @@ def add_urdf(
         where: file of the robot, for messages.
         collision: whether the robot gets its collision shapes.
 
+    Returns:
+        the new model instance.
+
     Raises:
         InvalidModel: Drake cannot read the robot.
     """
@@ -82,7 +85,7 @@ def held_robot(
 ) -> tuple[MultibodyPlant, Frame]:
     """Make a plant of a robot alone, whose root is fixed to the world at its origin.
 
-    The plant has no shapes, so that files of meshes are not read.
+    The plant has standard gravity along -z. It has no shapes, so that files of meshes are not read.
 
     Args:
         model: the robot.

@@ -185,7 +185,12 @@ def _is_closed(file: Path) -> bool:
 
 
 def mesh_sides(file: Path, scale: float) -> tuple[float, ...]:
-    """Sides of the box that encloses a scaled OBJ mesh, along the axes of the mesh, shape (3,) [m]."""
+    """Sides of the box that encloses a scaled OBJ mesh, along the axes of the mesh, shape (3,) [m].
+
+    Args:
+        file: the OBJ file.
+        scale: factor from the unit of the file to metres.
+    """
     return tuple(scale * side for side in _unscaled_sides(file, file_state(file)))
 
 
@@ -244,7 +249,15 @@ class PieceShape(Strict):
     """Whether the shape is drawn."""
 
     def solid(self, folder: Path) -> Solid:
-        """Make the solid of the shape, in the piece's frame. Files of meshes are looked for in a folder."""
+        """Make the solid of the shape, in the piece's frame.
+
+        Args:
+            folder: folder in which the file of a mesh is looked for.
+
+        Raises:
+            InvalidModel: the file of a mesh is missing, is outside the folder, or has a format that Drake does not
+                read.
+        """
         pose = transform_from_pose(self.pose)
         if self.box is not None:
             return Solid(pose, Box(*self.box))
@@ -256,7 +269,7 @@ class PieceShape(Strict):
 
     @model_validator(mode="after")
     def _check_kind(self) -> "PieceShape":
-        """Check that exactly one kind of shape is given."""
+        """Check that exactly one kind of shape is given. Raises ValueError, which pydantic reports with the key."""
         # Two keys in one shape are usually two shapes without a dash between them.
         kinds = (self.box, self.cylinder, self.sphere, self.mesh)
         if sum(kind is not None for kind in kinds) != 1:
@@ -317,7 +330,12 @@ class PieceModel(Strict):
 
     @model_validator(mode="after")
     def _check_values(self) -> "PieceModel":
-        """Check that values do not contradict each other, and that each frame has a name of its own."""
+        """Check that values do not contradict each other, and that each frame has a name of its own.
+
+        Raises:
+            ValueError: both a mass and a density are given, a series has too many frames, or two frames have the same
+                name or one that is not allowed; pydantic reports the error with the key.
+        """
         # A mass of 0 that the file states contradicts a density as well; the default mass does not.
         if self.density is not None and "mass" in self.model_fields_set:
             raise ValueError(
@@ -486,7 +504,12 @@ def _read_piece(file: Path) -> PieceModel:
 
 @lru_cache(maxsize=64)
 def _series_poses(series: FrameSeries, name: str) -> tuple[tuple[str, Pose], ...]:
-    """Compute the frames of a series, with the name and the pose [x y z Rz Ry Rx] of each."""
+    """Compute the frames of a series, with the name and the pose [x y z Rz Ry Rx] of each in the piece's frame.
+
+    Args:
+        series: the first frame, and the directions in which it is repeated.
+        name: beginning of the names; the index of a frame in each direction follows.
+    """
     frames: list[tuple[str, Pose]] = []
     # The index of a frame has one number for each direction, such as (row, column).
     for indices in product(*(range(direction.count) for direction in series.series)):
@@ -541,7 +564,13 @@ def piece_robot(name: str, piece: PieceModel) -> ET.Element:
 
 
 def _add_link(robot: ET.Element, name: str, piece: PieceModel) -> None:
-    """Add the link of a piece to a URDF, with its inertia, shapes and frames."""
+    """Add the link of a piece to a URDF, in place, with its inertia, shapes and frames. No joint holds it yet.
+
+    Args:
+        robot: the ``robot`` element.
+        name: name of the link, with which the names of its frames begin.
+        piece: the piece. Without mass, the link has no inertia.
+    """
     link = ET.SubElement(robot, "link", name=name)
     if piece.mass > 0:
         set_inertia(

@@ -92,7 +92,7 @@ class MassProperties(NamedTuple):
 
 
 def robot_doubts(robot: ET.Element, folder: Path | None) -> list[Doubt]:
-    """Find the implausible numbers of a robot: of its joints, and of its links with more than a negligible mass.
+    """Find the implausible numbers of a robot: of its links with more than a negligible mass, then of its joints.
 
     Args:
         robot: a checked ``robot`` element.
@@ -268,7 +268,7 @@ def payload_doubt(payload: float, mass: float) -> str:
 
 
 def moving_mass(robot: ET.Element) -> float:
-    """Compute the mass of the links that joints move [kg], with which :func:`payload_doubt` compares a payload."""
+    """Compute the mass of the links that joints move [kg], to be compared with a payload by :func:`payload_doubt`."""
     root = root_link(robot)
     # Links that fixed joints connect to the root have the root as their carrier: no joint moves them.
     carrier_of_link = carriers(robot)
@@ -307,7 +307,10 @@ def _joint_doubts(robot: ET.Element) -> Iterator[Doubt]:
 
 
 def _limit_doubt(joint: ET.Element) -> str:
-    """Write the doubt about the limits of a joint. Returns an empty text if they are plausible."""
+    """Write the doubt about the limits of a joint: lengths in millimetres, or angles in degrees.
+
+    Returns an empty text if they are plausible, or if the joint has no limits.
+    """
     # A joint without limits, or with the huge numbers by which some files say so, has no numbers to doubt.
     lower, upper = joint_limits(joint)
     largest = max(-lower, upper)

@@ -26,7 +26,8 @@ def inertia_of_shapes(
 ) -> SpatialInertia | None:
     """Compute the inertia of a link's collision shapes or, if these have no volume, of its visual shapes.
 
-    The common volume of shapes that overlap counts twice.
+    The common volume of shapes that overlap counts twice. Shapes of less than 1 mm³ in all count as without volume, and
+    shapes that cannot be read are left out.
 
     Args:
         link: a ``link`` element.
@@ -34,7 +35,7 @@ def inertia_of_shapes(
         density: density of the shapes [kg/m³].
 
     Returns:
-        the inertia about the link's origin, in the axes of the link, or None if no shape has a volume.
+        the inertia about the link's origin, in the axes of the link, or None if no shapes have a volume.
     """
     # Collision shapes first: they are closed and simple, while visual meshes often have holes and inner faces.
     for tag in ("collision", "visual"):
@@ -59,7 +60,7 @@ def _inertia_of_shape(
 
     Args:
         element: a ``collision`` or ``visual`` element.
-        folder: folder of the robot's meshes, or None.
+        folder: folder of the robot's meshes. If it is None, meshes cannot be read.
         density: density of the shape [kg/m³].
 
     Returns:
@@ -82,9 +83,15 @@ def _inertia_of_shape(
 
 
 def _read_shape(element: ET.Element, folder: Path | None) -> Shape | None:
-    """Make the Drake shape of an element of a ``<geometry>``. A mesh becomes its convex hull.
+    """Make the Drake shape of a child of a ``<geometry>``, such as a ``<box>``. A mesh becomes its convex hull.
 
-    Returns None if the sizes or the file are missing, if a mesh is scaled by 0, or if ``folder`` is None for a mesh.
+    Args:
+        element: the element of the shape.
+        folder: folder to which the names of meshes are relative; None if meshes cannot be read.
+
+    Returns:
+        the shape. None if the shape is unknown or has wrong sizes, if a mesh has no file or is scaled by 0, or if
+        ``folder`` is None for a mesh.
     """
     if element.tag == "mesh":
         scales = [float(word) for word in element.get("scale", "1").split()]
@@ -97,6 +104,7 @@ def _read_shape(element: ET.Element, folder: Path | None) -> Shape | None:
     sizes = SHAPE_SIZES.get(element.tag)
     if sizes is None or shape_defect(element):
         return None
+    # All numbers of all sizes, in the order in which Drake's class takes them.
     values = [float(word) for key in sizes for word in element.attrib[key].split()]
     shape_class = _CLASSES[element.tag.removeprefix(DRAKE)]
     return shape_class(*values)

@@ -39,7 +39,10 @@ def format_numbers(values: Iterable[float]) -> str:
 
 
 def pose_of(element: ET.Element) -> RigidTransform:
-    """Read the pose in an element's ``<origin>``, or in its own attributes. Without any, the pose is the identity."""
+    """Read the pose in an element's ``<origin>``, or in its own attributes ``xyz`` [m] and ``rpy`` [rad].
+
+    What is missing is 0, so that an element without a pose has the identity.
+    """
     # Drake's element <frame> has the pose in its own attributes. Joints and shapes have an <origin>.
     origin = element.find("origin")
     source = element if origin is None else origin
@@ -55,7 +58,7 @@ def child_of(element: ET.Element, tag: str) -> ET.Element:
 
 
 def place(element: ET.Element, pose: RigidTransform) -> None:
-    """Write a pose into an element's ``<origin>``, or into a ``frame`` itself."""
+    """Write a pose into an element's ``<origin>``, which is added if it is missing, or into a ``frame`` itself."""
     origin = element if element.tag == "frame" else child_of(element, "origin")
     origin.set("xyz", format_numbers(pose.translation()))
     origin.set("rpy", format_numbers(RollPitchYaw(pose.rotation()).vector()))
@@ -77,7 +80,16 @@ def add_joint(
     pose: RigidTransform,
     kind: str = "fixed",
 ) -> ET.Element:
-    """Add a joint between two links, without axis and limits, and return it."""
+    """Add a joint between two links, without axis and limits, and return it.
+
+    Args:
+        robot: the ``robot`` element.
+        name: name of the joint.
+        parent: name of the link that carries the joint.
+        child: name of the link that the joint carries.
+        pose: pose of the joint, and of the child at the joint's zero, in the parent.
+        kind: type of the joint.
+    """
     joint = ET.SubElement(robot, "joint", name=name, type=kind)
     ET.SubElement(joint, "parent", link=parent)
     ET.SubElement(joint, "child", link=child)
@@ -125,7 +137,14 @@ class Solid:
 
 
 def add_solid(link: ET.Element, tag: str, name: str, solid: Solid) -> ET.Element:
-    """Add a shape to a link, as a ``visual`` or a ``collision`` element (``tag``), and return this element."""
+    """Add a shape to a link, and return the new element.
+
+    Args:
+        link: the link.
+        tag: tag of the new element: ``visual`` or ``collision``.
+        name: name of the shape, unique in its link.
+        solid: the shape, with its pose in the link.
+    """
     element = ET.SubElement(link, tag, name=name)
     place(element, solid.pose)
     ET.SubElement(element, "geometry").append(shape_element(solid.shape, solid.scale))
@@ -133,7 +152,12 @@ def add_solid(link: ET.Element, tag: str, name: str, solid: Solid) -> ET.Element
 
 
 def shape_element(shape: Shape | Path, scale: float = 1.0) -> ET.Element:
-    """Make the element of a box, cylinder or sphere of Drake, or of a mesh file with a scale."""
+    """Make the element of a shape, a child of ``<geometry>``.
+
+    Args:
+        shape: a box, cylinder or sphere of Drake, or the file of a mesh.
+        scale: factor for the lengths in the file of a mesh.
+    """
     if isinstance(shape, Box):
         return ET.Element("box", size=format_numbers(shape.size()))
     if isinstance(shape, Cylinder):
@@ -189,7 +213,12 @@ def set_inertia(
 
 
 def set_moments(inertial: ET.Element, moments: Sequence[float] | Vector) -> None:
-    """Write moments of inertia into an ``<inertial>``; see :func:`set_inertia` for their forms."""
+    """Write moments of inertia into an ``<inertial>``, in place of those that it has.
+
+    Args:
+        inertial: the element.
+        moments: the moments [kg m²]: a matrix (3, 3), or Ixx Iyy Izz, or these and Ixy Ixz Iyz.
+    """
     element = child_of(inertial, "inertia")
     if isinstance(moments, np.ndarray) and moments.ndim == 2:
         numbers = six_moments(moments)
@@ -531,7 +560,8 @@ def mass_of(link: ET.Element) -> float:
 def doubtful_efforts(robot: ET.Element) -> dict[str, tuple[float, float]]:
     """Find the joints of a checked robot with an effort limit that is too high for the link that they move.
 
-    Such limits are often made up by authors who want no limit.
+    The joint turns, its limit is above 500 N·m, and its link has a mass below 5 kg. Such limits are often made up by
+    authors who want no limit. Links without mass are not judged.
 
     Returns:
         the effort limit [N·m] and the mass of the link [kg], by the name of the joint.
@@ -549,7 +579,7 @@ def doubtful_efforts(robot: ET.Element) -> dict[str, tuple[float, float]]:
 
 
 def copy_of(element: ET.Element) -> ET.Element:
-    """Copy an element with everything in it. ``deepcopy`` takes ten times as long."""
+    """Copy an element with its attributes, texts and children. ``deepcopy`` takes ten times as long."""
     whole = ET.Element(element.tag, element.attrib)
     # Elements whose children are still to be copied, with their copies. The list grows while it is read, in place of a
     # recursion: a file may be nested deeper than Python allows calls to be.

@@ -141,6 +141,10 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 def check_size(root: ET.Element, refuse: Refuse) -> None:
     """Check that Drake has enough memory for the robot.
 
+    Args:
+        root: the ``robot`` element.
+        refuse: makes the error.
+
     Raises:
         InvalidModel: the robot has too many links.
     """
@@ -158,7 +162,15 @@ def check_size(root: ET.Element, refuse: Refuse) -> None:
 
 
 def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
-    """Check the count and the form of the numbers in an element and its children."""
+    """Check the count and the form of the numbers in an element and its children.
+
+    Args:
+        element: a link, a joint or a material.
+        refuse: makes the error.
+
+    Raises:
+        InvalidModel: an attribute has a wrong count of numbers, or a word that is no finite number.
+    """
     # One table serves all elements: an attribute has the same form wherever a URDF has it.
     owner = compound("{tag} '{name_of}'", tag=element.tag, name_of=name_of(element))
     for part in element.iter():
@@ -199,7 +211,16 @@ def _check_numbers(element: ET.Element, refuse: Refuse) -> None:
 
 
 def _check_tree(root: ET.Element, refuse: Refuse) -> None:
-    """Check that names are unique, and that the joints connect all links to a tree with one root."""
+    """Check that names are unique, and that the joints connect all links to a tree with one root.
+
+    Args:
+        root: the ``robot`` element.
+        refuse: makes the error.
+
+    Raises:
+        InvalidModel: a name is missing, occurs twice or is ``world``; a joint names an unknown link; or the links and
+            joints are no tree.
+    """
     for tag in ("link", "joint"):
         names = [name_of(element) for element in root.iterfind(tag)]
         # An element without a name can be described by its position in the file only.
@@ -257,7 +278,11 @@ def _check_tree(root: ET.Element, refuse: Refuse) -> None:
 
 
 def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
-    """Find the parent of each link.
+    """Find the parent of each link, and check that no link has two parents and no joints form a loop.
+
+    Args:
+        root: the ``robot`` element.
+        refuse: makes the error.
 
     Returns:
         the name of the parent link, by the name of the child link.
@@ -310,7 +335,17 @@ def check_parents(root: ET.Element, refuse: Refuse) -> dict[str, str]:
 
 
 def _check_joint(joint: ET.Element, refuse: Refuse) -> None:
-    """Check type, axis, limits and damping of a joint, and that it does not mimic another one."""
+    """Check type, axis, limits and damping of a joint, and that it does not mimic another one.
+
+    Of a fixed joint only the type is checked.
+
+    Args:
+        joint: the joint.
+        refuse: makes the error.
+
+    Raises:
+        InvalidModel: one of these is wrong.
+    """
     where = message("robots.joint_called", "joint '{joint}'", joint=name_of(joint))
     kind = joint.get("type", "")
     if kind not in (*MOVABLE_JOINTS, "fixed"):
@@ -358,6 +393,10 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
         joint: the joint.
         where: the joint, for messages.
         refuse: makes the error.
+
+    Raises:
+        InvalidModel: limits that the type of the joint needs are missing, only one limit is given, the lower limit is
+            not below the upper one, or speed or effort are negative.
     """
     limit = joint.find("limit")
     if limit is None:
@@ -408,7 +447,15 @@ def _check_limit(joint: ET.Element, where: str, refuse: Refuse) -> None:
 
 
 def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
-    """Check that a link has no inertia, or one that a body can have."""
+    """Check that a link has no inertia, or one that a body can have.
+
+    Args:
+        link: the link.
+        refuse: makes the error.
+
+    Raises:
+        InvalidModel: mass or moments are missing, negative or impossible.
+    """
     inertial = link.find("inertial")
     if inertial is None:
         return
@@ -439,7 +486,11 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
 
 
 def shape_defect(shape: ET.Element) -> str:
-    """Write the defect in the sizes of a shape. Returns an empty text if the sizes have no defect."""
+    """Write the defect in the sizes of a shape, or that a mesh names no file. Returns an empty text if it has none.
+
+    Args:
+        shape: child of a ``<geometry>``, such as a ``<box>``. Shapes of unknown tags have no defect.
+    """
     if shape.tag == "mesh" and "filename" not in shape.attrib:
         return message("robots.has_no_filename", "has no filename")
     for key, count in SHAPE_SIZES.get(shape.tag, {}).items():
@@ -479,6 +530,13 @@ def _check_materials(root: ET.Element, refuse: Refuse) -> None:
     """Check that each material has a colour, its own or that of another material of its name.
 
     Drake reads nothing else of a material.
+
+    Args:
+        root: the ``robot`` element.
+        refuse: makes the error.
+
+    Raises:
+        InvalidModel: a material has no colour, or a texture.
     """
     materials = [*root.iterfind("material"), *root.iterfind("link/visual/material[@name]")]
     defined = {
@@ -500,6 +558,14 @@ def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
 
     A joint is passive if other joints have motors, and either no transmission drives this joint or its effort is 0. In
     a file without any motor, no joint counts as passive: the file does not describe motors at all.
+
+    Args:
+        root: the ``robot`` element.
+        refuse: makes the error.
+
+    Raises:
+        InvalidModel: the robot has no motors, or a joint has two transmissions, one of another type, or no positive
+            effort although it is not passive.
     """
     transmissions = transmissions_of(root)
     joints = [joint for joint in root.iterfind("joint") if joint.get("type") in MOVABLE_JOINTS]

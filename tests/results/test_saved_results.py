@@ -116,6 +116,23 @@ def test_a_folder_without_a_result_and_an_unknown_signal_are_refused(folder, tmp
         sd.load_result(folder)["q.jont_1"]
 
 
+@pytest.mark.parametrize(
+    ("summary", "words"),
+    [
+        (None, "cannot be read"),
+        ("[]", "must contain a mapping"),
+        ("{", "is not JSON"),
+    ],
+)
+def test_a_result_with_a_missing_or_damaged_summary_is_refused(summary, words, tmp_path):
+    (tmp_path / "signals.csv").write_text("time,q.joint_1\n0,1\n")
+    if summary is not None:
+        (tmp_path / "summary.json").write_text(summary)
+
+    with pytest.raises(InvalidConfig, match=rf"summary\.json: {words}"):
+        sd.load_result(tmp_path)
+
+
 def test_results_and_folders_are_drawn_over_each_other(result, folder):
     figure = sd.plot_results(result, folder, sd.load_result(folder), signals="q.joint_1")
 

@@ -9,6 +9,7 @@ from simrob_drake import Arm, LeggedRobot, Runner, load_station, simulate
 from simrob_drake.base.errors import VerdictError
 from simrob_drake.cli.app import run_command
 from simrob_drake.results.record.touch import Slide
+from simrob_drake.results.result import join_runs
 from simrob_drake.results.verdict.judge import CRITERIA
 from simrob_drake.results.verdict.verdict import (
     Criterion,
@@ -215,6 +216,19 @@ def test_runs_that_follow_each_other_are_judged_by_their_worst():
     assert (whole["largest_error"].worst.value, whole["largest_error"].worst.time) == (0.8, 1.4)
     assert whole["torque_time"].worst.value == 0.25
     assert whole.warnings == ["a at 1.40 s (bound 28.6 deg)"]
+
+
+def test_a_run_that_keeps_its_time_is_judged_at_times_of_the_program():
+    """Times of a run that continues another one begin where that one ended, and count once in the whole."""
+    runner = Runner(load_station("irb120_kinematic"))
+    first = runner.run(duration=0.3)
+    second = runner.run(duration=0.5, start=first.final_state, start_time="keep")
+
+    whole = join_runs([first, second]).verdict["speed_share"].worst
+
+    alone = second.verdict["speed_share"].worst
+    assert whole.value == alone.value
+    assert whole.time == pytest.approx(alone.time)
 
 
 LAME = {"servo.torque_limit": 2.0, "reference.duration": 0.1}

@@ -1,7 +1,8 @@
 """Cameras for pictures of a run: their direction, their distance, and their motion with a robot that walks.
 
 All positions are in the world, with z upwards. An *azimuth* is the direction from a station to the eye of the camera,
-seen from above, counterclockwise from the x axis. All cameras look down at the same angle.
+seen from above, counterclockwise from the x axis. All cameras look down at the same angle. The *base* of a robot is its
+root link, and its *heading* the direction in which it faces, seen from above.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -108,7 +109,7 @@ def robots_to_follow(
 
 
 def framed_time(result: RecordedRun) -> float:
-    """Time up to which the motion of a run must be in the picture [s]: its end, unless the run diverges."""
+    """Time up to which the motion of a run must be in the picture [s]: its end; of a run that diverged, 90 % of it."""
     share = _RELIABLE if result.stopped_by == DIVERGED else 1.0
     return result.start_time + share * result.simulated_time
 
@@ -166,6 +167,7 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
     smooth_y = _moving_average(y - y[0])
 
     def displacement(at: Vector) -> Vector:
+        """Displacement of the camera (k, 3) [m] at times (k,) [s]."""
         level = np.column_stack(
             [np.interp(at, times, smooth_x), np.interp(at, times, smooth_y), np.zeros(len(at))]
         )
@@ -178,15 +180,22 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
 
 
 def _moving_average(values: Vector) -> Vector:
-    """Average each value (k,) with those around it. Beyond the ends, the first and the last value are repeated."""
+    """Average each value (k,) with the 25 before and the 25 after it. Returns as many values.
+
+    Beyond the ends, the first and the last value are repeated.
+    """
     # Padding by half a window on both sides keeps the count of values.
     return np.convolve(np.pad(values, _HALF_WINDOW, mode="edge"), _WEIGHTS, "valid")
 
 
 def base_distances(result: RecordedRun, times: Vector) -> Vector:
-    """Horizontal distance of the followed robot's base from its start, at times (k,) [s] of a run, shape (k,) [m].
+    """Horizontal distance of the followed robot's base from its start, shape (k,) [m].
 
     At the end of the run it is the distance that the run's text and summary give, sway and a fall included.
+
+    Args:
+        result: a run of a station with one robot, which is followed.
+        times: times of the run, shape (k,) [s].
     """
     base = result.pose("base", _followed_robot(result))
     x = base[:, 0] - base[0, 0]
@@ -205,7 +214,7 @@ def _followed_robot(result: RecordedRun) -> str | None:
 
 
 def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Camera:
-    """Find the nearest camera that has all points in its picture.
+    """Find the nearest camera that has all points in its picture, with a margin of 12 %.
 
     Args:
         points: the points, shape (m, 3) [m].
@@ -233,7 +242,12 @@ def camera_on(points: Vector, *, aspect: float, azimuth: float = _ASIDE) -> Came
 
 
 def aspect_of(points: Vector, *, azimuth: float = _ASIDE) -> float:
-    """Width over height of points (m, 3) [m] as a camera at an azimuth [rad] sees them; 1 if they have no height."""
+    """Width over height of points as a camera far away sees them; 1 if they have no height.
+
+    Args:
+        points: the points, shape (m, 3) [m].
+        azimuth: direction from the points to the camera, counterclockwise from x [rad].
+    """
     axes = _camera_axes(azimuth)
     rotation = np.array([axes.right, axes.up, axes.forward])
     width, height = np.ptp((points @ rotation.T)[:, :2], axis=0)

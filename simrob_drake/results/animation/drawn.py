@@ -77,13 +77,20 @@ def open_meshcat() -> Meshcat:
 
 
 def empty_page() -> str:
-    """HTML of Meshcat's page with nothing drawn. It needs no other file."""
+    """HTML of Meshcat's page, in which nothing is drawn. It needs no other file."""
     page: str = open_meshcat().StaticHtml()
     return page
 
 
 def commands(draw: Callable[[Meshcat], None]) -> list[Command]:
-    """Commands that draw into Meshcat's page the same as a function draws into a Meshcat."""
+    """Commands that draw into Meshcat's page the same as a function draws into a Meshcat.
+
+    Args:
+        draw: the function. It is called once, with a new Meshcat.
+
+    Returns:
+        the commands: the meshes first, then the messages that use them.
+    """
     meshcat = open_meshcat()
     draw(meshcat)
     # Meshcat has no function for its messages, but its page as a single file contains all of them.
@@ -142,7 +149,12 @@ def pose_commands(query: QueryObject, prefixes: Prefixes) -> list[Command]:
 def frame_poses(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple[str, list[float]]]:
     """Yield the path of each frame below its scene in Meshcat's tree, and its pose in the world.
 
-    The pose is a homogeneous matrix, 16 numbers column by column, as Meshcat expects it.
+    The path is ``<model instance>/<body>``. The pose is a homogeneous matrix, 16 numbers column by column, as Meshcat
+    expects it.
+
+    Args:
+        query: the scene in its present configuration.
+        frames: frames of bodies.
     """
     for frame in frames:
         # Fewer digits make messages shorter: seven decimals are exact to less than a micrometre.
@@ -151,7 +163,13 @@ def frame_poses(query: QueryObject, frames: Sequence[FrameId]) -> Iterator[tuple
 
 
 def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
-    """Draw the paths of the tools in a run as lines. Lines of another number remain, so that several runs are shown."""
+    """Draw the paths of the tools in a run as lines. Robots without a tool have none.
+
+    Args:
+        meshcat: the Meshcat.
+        result: the run.
+        number: number of the run. Lines of another number remain, so that several runs are shown.
+    """
     for robot in result.plant.robots.values():
         if robot.tcp:
             path: Vector = result.pose("tcp", robot.name)[:, :3].T
@@ -164,7 +182,10 @@ def draw_tool_paths(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> N
 def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> None:
     """Draw the paths that the searches for the moves of a run have tried, as thin lines, if they were recorded.
 
-    Lines of another number remain, so that several runs are shown.
+    Args:
+        meshcat: the Meshcat.
+        result: the run.
+        number: number of the run. Lines of another number remain, so that several runs are shown.
     """
     for move in result.moves:
         if len(move.search):
@@ -177,7 +198,12 @@ def draw_searches(meshcat: Meshcat, result: RecordedRun, number: int = 0) -> Non
 
 
 def path_colour(result: RecordedRun, robot: str) -> str:
-    """Colour of the path of a robot's tool, by the name of the robot."""
+    """Colour of the path of a robot's tool. The colours repeat after the third robot.
+
+    Args:
+        result: a run of the robot's station.
+        robot: name of the robot.
+    """
     return PATHS[list(result.plant.robots).index(robot) % len(PATHS)]
 
 
@@ -233,7 +259,12 @@ def ghosts(
 
 
 def compared_ghost(scene: ViewedStation, positions: Vector | None) -> list[Command]:
-    """Commands that show a ghost of all moving bodies at positions (nq,) of the plant. It is deleted for None."""
+    """Commands that show a ghost of all moving bodies, or delete it.
+
+    Args:
+        scene: the scene that the page shows. It keeps the positions.
+        positions: positions of the plant, shape (nq,). If they are None, the ghost is deleted.
+    """
     if positions is None:
         return [{"type": "delete", "path": COMPARED}]
     scene.place(positions)

@@ -1,4 +1,8 @@
-"""A browser window that shows a station while it is simulated, run after run, and by which its walks are commanded."""
+"""A browser window that shows a station while it is simulated, run after run, and by which its walks are commanded.
+
+A *walk* is a controller that takes commands during a run, such as a speed; any controller that does so is meant. A
+*section* is the part of a station's configuration that describes a controller.
+"""
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -91,6 +95,7 @@ class StationView:
             name: robot.model_copy(update={"servo": None}) for name, robot in config.robots.items()
         }
         self._controllers = config.controllers
+        # Everything that the shapes depend on.
         looks = (robots, config.pieces, config.floor, config.mode)
         if self.scene is None or looks != self._looks:
             self.scene = ViewedStation(config)
@@ -194,12 +199,17 @@ class LiveView:
         self.draw(config, state)
 
     def draw(self, config: StationConfig, state: State | None = None) -> None:
-        """Show a station outside of any run, in a state, or in its initial state if None."""
+        """Show a station outside of any run. The next step that is shown begins a new run.
+
+        Args:
+            config: the station.
+            state: its state; its initial state if None.
+        """
         self._view.draw(config, state)
         self._last: _Sample | None = None  # the last step of the run; None before its first one
 
     def add_paths(self, result: RecordedRun) -> None:
-        """Draw the paths of the tools in a run as lines, which remain in later runs."""
+        """Draw the paths of the tools in a run as lines, which remain in later runs. Nothing happens after `close`."""
         number = self._path_count
         if self._window is None:
             return
@@ -209,9 +219,10 @@ class LiveView:
         self._path_count += 1
 
     def on_step(self, time: float, positions: Vector) -> None:
-        """Show the motion since the last step, in pictures at even times.
+        """Show the motion since the last step, in pictures at even times, and wait until each is due.
 
-        Between two steps, the positions are interpolated linearly.
+        Within the step, the positions are interpolated linearly. Nothing is shown after `close`, and if a position is
+        not finite.
 
         Args:
             time: time of the run at the end of the step [s].
@@ -244,6 +255,7 @@ class LiveView:
 
         Otherwise the run would be shown too fast after a slow part.
         """
+        # Time until the picture is due [s]; negative if it is late.
         ahead = self._clock_at_zero + self._next_frame - perf_counter()
         if ahead > 0:
             sleep(ahead)
@@ -251,7 +263,13 @@ class LiveView:
             self._clock_at_zero -= ahead
 
     def _speed(self, time: float) -> float:
-        """Speed of the simulation relative to real time, over the last pictures. Notes the picture of a time [s]."""
+        """Compute the speed of the simulation relative to real time, over the last 30 pictures.
+
+        The present moment is noted as that of the latest picture. The speed of the first picture is 1.
+
+        Args:
+            time: time of the run that the latest picture shows [s].
+        """
         self._shown.append(_Clocks(time, perf_counter()))
         first = self._shown[0]
         last = self._shown[-1]
@@ -300,7 +318,9 @@ class Steering:
         sections = commanded_sections(config.controllers)
         self.controls = dict[str, Control]()
         self.commands: dict[str, Callable[[float], tuple[float, ...] | None]] = {}
-        self._shown = dict[str, float]()
+        self._shown = dict[
+            str, float
+        ]()  # by label, the value to which the program has set each slider
         station = resolve(config)
         for number, (name, section) in enumerate(sections.items()):
             prefix = f"{name}: " if len(sections) > 1 else ""
@@ -309,14 +329,15 @@ class Steering:
             self.controls |= _controls(section, robot, prefix, keys=number == 0)
             self.commands[name] = partial(self._command, prefix, section)
         self.board: Board | None = None
-        self._begun = set[str]()
+        self._begun = set[str]()  # prefixes of the controllers that the user has begun to command
 
     def _command(
         self, prefix: str, section: ControllerSection, time: float
     ) -> tuple[float, ...] | None:
-        """Command that the user has set for a controller, by the sliders or the stop button.
+        """Read the command that the user has set for a controller, by the sliders or the stop button.
 
-        Until the user touches a control, the sliders are set to the command of the section.
+        Until the user touches a control, the sliders are set to the command of the section. If the stop button was
+        pressed, all sliders are set to zero.
 
         Args:
             prefix: beginning of the labels of the controller's controls.
@@ -334,7 +355,7 @@ class Steering:
             stop.value = 0.0
             self._show(sliders, [0.0] * len(sliders))
             self._begun.add(prefix)
-        # A slider is not where the program has set it: the user has moved it.
+        # If a slider is not where the program has set it, the user has moved it.
         if any(self.controls[name].value != self._shown.get(name, 0.0) for name in sliders):
             self._begun.add(prefix)
         if prefix not in self._begun:
@@ -350,7 +371,12 @@ class Steering:
         return tuple(value * part.slider_unit for value, part in zip(values, parts, strict=True))
 
     def _show(self, sliders: Sequence[str], values: Sequence[float]) -> None:
-        """Put sliders where the program has them."""
+        """Set sliders to values of the program, here and in the page, and remember the values.
+
+        Args:
+            sliders: labels of the sliders.
+            values: their values, in the units of the sliders.
+        """
         for name, value in zip(sliders, values, strict=True):
             if self.controls[name].value != value:
                 self.controls[name].value = value

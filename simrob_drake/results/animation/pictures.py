@@ -161,8 +161,11 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
 def check_frames(frames: Frames) -> None:
     """Check how many images a strip shall have.
 
+    Args:
+        frames: a count, or "events".
+
     Raises:
-        InvalidParameter: there are fewer than two images.
+        InvalidParameter: it is another text, or a count below two.
     """
     if frames != "events" and (not isinstance(frames, int) or frames < 2):
         raise InvalidParameter(
@@ -174,6 +177,12 @@ def save_film_strip(
     result: RecordedRun, file: Path, *, frames: Frames = 7, height: int | None = None
 ) -> Path:
     """Write a :func:`film_strip` to a ``.png`` file. Returns the file.
+
+    Args:
+        result: the run.
+        file: the file.
+        frames: count of images, or "events" for an image of each event.
+        height: height of an image [pixels]; 360 or 240 if it is None, depending on the count of images.
 
     Raises:
         InvalidParameter: there are fewer than two images, or the height is less than 16 pixels.
@@ -260,7 +269,7 @@ def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) 
 
 
 def _check_video(file: Path) -> None:
-    """Read a video to its end: ffmpeg reports no error when the disk becomes full.
+    """Check that a video is complete, by reading it to its end: ffmpeg reports no error when the disk becomes full.
 
     Raises:
         OutputError: the video is not complete.
@@ -291,11 +300,11 @@ def frame_writer() -> Callable[..., Any]:
 
 
 def captions_of(result: RecordedRun, studio: "Studio", times: Vector) -> list[str]:
-    """Write the captions of a run's images at times (k,) [s], with the distance of a robot that walks.
+    """Write the captions of a run's images: the time, and the distance of a robot that walks from its start.
 
     Args:
         result: the run.
-        studio: draws its images.
+        studio: the studio that draws its images, which has found out whether a robot walks.
         times: times of the images, shape (k,) [s].
     """
     walks = studio.robot_displacement is not None
@@ -325,12 +334,14 @@ def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
     """
     height, width = images[0].shape[:2]
     line_height = max(round(_CAPTION * height), _LEAST_CAPTION)
+    # Letters fill 0.6 of a line, so that lines keep a distance.
     font = ImageFont.truetype(str(distribution("matplotlib").locate_file(_FONT)), 0.6 * line_height)
     wrapped_texts = [_wrap(text, width, font) for text in texts]
     line_count = max(text.count("\n") for text in wrapped_texts) + 1
     caption_height = line_height * line_count
 
-    # As many rows as needed, then as few columns as these rows need, so that all rows are about equally full.
+    # As many rows as needed for the largest width, then as few columns as these rows need, so that all rows are about
+    # equally full; this may need fewer rows.
     row_count = _ceiling_division(len(images) * width, round(_WIDEST * height))
     column_count = _ceiling_division(len(images), row_count)
     row_count = _ceiling_division(len(images), column_count)
@@ -342,6 +353,7 @@ def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
         left = number % column_count * (width + _GAP)
         top = number // column_count * row_height
         strip.paste(Image.fromarray(image), (left, top))
+        # The anchor "mm" puts the middle of the text at this point.
         middle_of_caption = (left + width / 2, top + height + caption_height / 2)
         pen.multiline_text(middle_of_caption, text, _GREY, font, anchor="mm", align="center")
     return strip
@@ -353,9 +365,14 @@ def _ceiling_division(dividend: int, divisor: int) -> int:
 
 
 def _wrap(text: str, width: float, font: ImageFont.FreeTypeFont) -> str:
-    """Break the lines of a text at spaces, so that each is no wider than a width [pixels].
+    """Break the lines of a text at spaces, so that each is no wider than a given width.
 
     A word that is wider than that stays whole.
+
+    Args:
+        text: the text.
+        width: largest width of a line [pixels].
+        font: the font in which the text is drawn.
     """
     lines = []
     for line in text.split("\n"):
@@ -379,7 +396,8 @@ class Studio:
     The camera does not move, or follows a robot that walks.
 
     Attributes:
-        robot_displacement: displacement of the robot that walks; None if no robot walks.
+        robot_displacement: displacement since the start of the robot that walks, without the sway of its steps, shape
+            (k, 3) [m] at times (k,) [s]; None if no robot walks.
         camera_displacement: displacement of the camera; None if the camera does not move.
     """
 
@@ -442,7 +460,10 @@ class Studio:
 
 
 class Still:
-    """A station in front of a camera, without a run. The camera follows robots on legs."""
+    """A station in front of a camera, without a run.
+
+    If the base of a robot moves freely, the camera follows the middle of all bodies.
+    """
 
     def __init__(self, config: StationConfig) -> None:
         """Set the camera up for a station.
@@ -464,7 +485,14 @@ class Still:
         self._lens = _Lens(self._camera, _STILL, oversampling=1)
 
     def image(self, positions: Vector) -> Pixels:
-        """Render an image, shape (360, 480, 3), of positions of the whole plant, shape (nq,)."""
+        """Render an image of the station.
+
+        Args:
+            positions: positions of the whole plant, shape (nq,).
+
+        Returns:
+            the image, 360 pixels high and 480 wide, shape (360, 480, 3).
+        """
         camera = self._camera
         if self._follows:
             # The middle of all bodies, since without a run no signal of the base exists.
@@ -499,7 +527,16 @@ class _Lens:
         self._lens = ColorRenderCamera(RenderCameraCore(RENDERER, lens, depth, RigidTransform()))
 
     def image(self, scene: ViewedStation, positions: Vector, camera: Camera) -> Pixels:
-        """Render a scene at positions (nq,), which it keeps, as a camera sees it."""
+        """Render a scene at some positions as a camera sees it.
+
+        Args:
+            scene: the scene. It keeps the positions.
+            positions: positions of the plant, shape (nq,).
+            camera: the camera.
+
+        Returns:
+            the image, shape (height, width, 3).
+        """
         scene.place(positions)
         query = scene.query()
         rendered = query.RenderColorImage(

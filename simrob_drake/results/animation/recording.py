@@ -1,7 +1,8 @@
 """The motion of a run as one HTML file that any browser plays, with the contact forces as arrows.
 
 The page is that of Drake's Meshcat, with a recorded animation, and with a script of ours that adds a clock, a bar to
-play by and a legend. A *frame* is one picture of the animation.
+play by and a legend. A *frame* is one picture of the animation. A *place* is a point or a surface at which two shapes
+touch, and a *moment* is the time of a frame.
 """
 
 import gc
@@ -155,6 +156,7 @@ def _page(result: RecordedRun, times: Vector, frames_per_second: float) -> str:
     # Views hide the axes; in a recording they show the directions of the signals' x, y and z.
     meshcat.SetProperty("/Axes", "visible", True)
     meshcat.SetProperty("/Axes/<object>", "position", [0.0, 0.0, _OVER_FLOOR])
+    # Displacement of the camera in each frame, shape (k, 3) [m]; zero if it does not move.
     path = np.zeros((len(times), 3)) if displacement is None else displacement(times)
     config = with_floor_under(result.config, path)
     scene = ViewedStation(config, meshcat=meshcat)
@@ -194,7 +196,8 @@ def _data_for_script(
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     tilt = scene.station.ground.floor_pose.rotation().matrix()
     floor = config.floor
-    # The lines are computed in the frame of the floor, and shown in the world.
+    # The lines are computed in the frame of the floor, and shown in the world. Positions are rows here: a product with
+    # the rotation turns them from the world to the floor, one with its transpose turns them back.
     lines = floor_lines(path @ tilt, size=floor.size) if floor else np.zeros((0, 2, 3))
     return {
         "middle": middle.tolist(),
@@ -219,7 +222,7 @@ class _LegendEntry(NamedTuple):
 
 
 def _legend(result: RecordedRun) -> list[_LegendEntry]:
-    """Explain the colours of a recording: paths of tools, searches for a path, and contact forces."""
+    """Explain the colours of a recording: paths of tools, searches for a path, and contact forces, if it has them."""
     entries = []
     has_several_robots = len(result.plant.robots) > 1
     for robot in result.plant.robots.values():
@@ -316,6 +319,11 @@ def _draw_contact_spheres(
     """Draw the contact spheres that ever touch something, unless a visible sphere of their body covers them.
 
     Feet may have small spheres at their corners, for contact only. Without them the arrows would begin nowhere.
+
+    Args:
+        meshcat: the Meshcat.
+        inspector: inspector of the scene, with the shapes.
+        contacts: all contacts of the run.
     """
     touching_shapes = {shape for pair in contacts.pairs for shape in pair}
     for shape in touching_shapes:
@@ -327,7 +335,7 @@ def _draw_contact_spheres(
             inspector.GetShape(look) for look in inspector.GetGeometries(frame, Role.kIllustration)
         ]
         visible_radii = [look.radius() for look in visible_shapes if isinstance(look, Sphere)]
-        # The foot is a ball that is drawn already.
+        # A visible ball, such as a foot, is at least as large. It is taken to be at the same place.
         if any(radius >= sphere.radius() for radius in visible_radii):
             continue
         body = inspector.GetName(frame).replace("::", "/")
@@ -354,7 +362,7 @@ def _forces_of_places(moments: Sequence[Contacts], least: float) -> Iterator[lis
         for moment, places in zip(moments, places_of_moments, strict=True):
             force = None
             if place in places:
-                row = places.index(place)
+                row = places.index(place)  # index of the contact at this moment
                 if np.linalg.norm(moment.forces[row]) >= least:
                     force = _Force(moment.points[row], moment.forces[row])
             forces.append(force)
@@ -374,6 +382,8 @@ def _places_of(contacts: Contacts) -> list[_Place]:
 
 def _sums(inspector: SceneGraphInspector, contacts: Contacts) -> dict[_BodyPair, _Force]:
     """Add up the forces between bodies that touch at several points. The sum acts at the centre of pressure.
+
+    Bodies that touch at a single point are left out.
 
     Args:
         inspector: inspector of the scene, which has the names of the bodies.
@@ -430,6 +440,8 @@ def _draw_arrow(
 ) -> None:
     """Draw the arrow of a force into a Meshcat that records.
 
+    The arrow begins at the point where the force acts. Its shaft is as long as the force is large; a head follows.
+
     Args:
         meshcat: the Meshcat.
         path: path of the arrow in Meshcat's tree.
@@ -438,7 +450,8 @@ def _draw_arrow(
         large: magnitude of the force whose arrow has the usual length [N].
         colour: colour of the arrow.
     """
-    # The arrow points along z. Its shaft has the length 1 and is scaled; the tip of Meshcat's cone is at its origin.
+    # The arrow points along z. Its shaft has the length 1 and is scaled; the tip of Meshcat's cone is at its origin, so
+    # that the cone is turned over and moved by its length. Its radius is half of its length.
     meshcat.SetObject(f"{path}/shaft", Cylinder(_RADIUS, 1.0), colour)
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(_HEAD, _HEAD / 2, _HEAD / 2), colour)
     meshcat.SetTransform(
@@ -451,7 +464,7 @@ def _draw_arrow(
         # Each property is set in every frame: the animation keeps the last value otherwise.
         meshcat.SetProperty(path, "visible", force is not None, time)
         if force is None or not force.components.any():
-            continue  # a force of 0 has no direction
+            continue  # the arrow is hidden, or the force is 0 and has no direction
         length = float(np.linalg.norm(force.components)) / large * _ARROW
         rotation = RotationMatrix.MakeFromOneVector(force.components, 2)
         meshcat.SetTransform(path, RigidTransform(rotation, force.point), time)

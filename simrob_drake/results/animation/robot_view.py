@@ -57,14 +57,17 @@ _METRES = _SliderUnit(" [m]", 1.0, step=0.001, reach=1.0)
 
 
 class RobotView:
-    """A robot on its foot in a browser window: links, tool frames, and collision shapes that can be switched on.
+    """A robot in a browser window, fixed at its root: links, tool frames, and collision shapes that can be switched on.
 
     Attributes:
         url: address of the window. It can be opened on this computer only.
     """
 
     def __init__(self, robot: RobotModel) -> None:
-        """Open the window with the robot at its home posture.
+        """Start the window's server, with the robot at its home posture. The user opens `url` in a browser.
+
+        Args:
+            robot: the robot.
 
         Raises:
             InvalidModel: the robot cannot be built.
@@ -116,7 +119,7 @@ class RobotView:
             sleep(_FRAME)
 
     def sliders(self) -> dict[str, float]:
-        """Positions of the sliders by joint, in the order of the plant's positions [rad or m]."""
+        """Positions of the sliders by the name of the joint, in the order of the plant's positions [rad or m]."""
         positions = {}
         for label, control in self._window.controls.items():
             # The button to stop has no unit, so that it is none of them.
@@ -131,14 +134,18 @@ class RobotView:
         self._window.close()
 
     def _geometry(self) -> QueryObject:
-        """Shapes of the robot at its present positions, for queries."""
+        """Drake's query object for the shapes of the robot at its present positions."""
         graph = self._query.get_system()
         query: QueryObject = self._query.Eval(graph.GetMyContextFromRoot(self._context))
         return query
 
 
 def _sliders(plant: MultibodyPlant) -> dict[str, Control]:
-    """Make a slider for each of the plant's positions, in their order and at their default, by label."""
+    """Make a slider for each of the plant's positions, in their order and at their default.
+
+    Returns:
+        the sliders by label: the name of the position, which is that of its joint, and the unit.
+    """
     names = plant.GetPositionNames(add_model_instance_prefix=False, always_add_suffix=False)
     units = [_METRES] * len(names)
     for index in plant.GetJointIndices():

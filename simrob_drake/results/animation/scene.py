@@ -98,6 +98,7 @@ class ViewedStation(PosedStation):
         self.visualizer: MeshcatVisualizer | None = None
 
         def add(builder: DiagramBuilder, station: StationPlant) -> None:
+            """Add what draws the station to its diagram, before the diagram is built."""
             if engine is not None:
                 station.scene_graph.AddRenderer(RENDERER, engine)
             if path is not None and config.floor is not None:
@@ -136,7 +137,7 @@ class ViewedStation(PosedStation):
     def extents_of_run(
         self, result: RecordedRun, displacement: Displacement | None = None
     ) -> Vector:
-        """Points around the motion of a run.
+        """Points around the motion of a run, at 24 even times and where its parts follow each other.
 
         Args:
             result: the run.
@@ -158,7 +159,9 @@ class ViewedStation(PosedStation):
         return (corners - displacement(times)[:, np.newaxis]).reshape(-1, 3)
 
     def _corners(self, positions: Vector, instance: ModelInstanceIndex | None) -> Vector:
-        """Origins of links and corners of their shapes in several configurations.
+        """Origins of links, and corners of the boxes around their visible shapes, in several configurations.
+
+        The world's own shapes, such as the floor, are left out.
 
         Args:
             positions: the configurations, shape (k, nq).
@@ -212,6 +215,8 @@ def with_floor_under(config: StationConfig, path: Vector) -> StationConfig:
 def floor_lines(around: Vector, *, size: float) -> Vector:
     """Compute lines on a floor, in both directions, at whole multiples of their spacing.
 
+    The lines reach 1.5 m beyond the positions on all sides, but not beyond the floor.
+
     Args:
         around: positions around which there are lines, in the frame of the floor, shape (m, 3) [m].
         size: length of an edge of the floor [m].
@@ -246,6 +251,7 @@ def add_floor_grid(
         tilt: pose of the floor in the world.
     """
     source = scene_graph.RegisterSource("floor_grid")
+    # In the frame of the floor. Drake's poses take points as columns.
     path_on_floor = (tilt.inverse() @ path.T).T
     for number, (begin, end) in enumerate(floor_lines(path_on_floor, size=size)):
         # The line is where one coordinate is the same at both of its ends.
@@ -254,7 +260,8 @@ def add_floor_grid(
         # lines.
         is_bold = round(begin[across] / SPACING) % _BOLD == 0
         width = _WIDTH * (2 if is_bold else 1)
-        # Render engines have no lines: each is a flat box, whose top is over the floor.
+        # Render engines have no lines: each is a flat box, whose top is over the floor. A line has a length in one
+        # direction; in the others its box gets the width and the height.
         shape = Box(*np.maximum(end - begin, (width, width, 2 * _TOP)))
         middle = (begin + end) / 2 - (0.0, 0.0, _TOP)
         line = GeometryInstance(tilt @ RigidTransform(middle), shape, f"line_{number}")
@@ -290,8 +297,8 @@ def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
         return []
     tilt = scene.station.ground.floor_pose
     place_on_floor = tilt.inverse() @ place
-    mesh = SPACING * _BOLD
-    steps = np.round(place_on_floor[:2] / mesh) * mesh
+    mesh = SPACING * _BOLD  # distance of bold lines [m]
+    steps = np.round(place_on_floor[:2] / mesh) * mesh  # in the frame of the floor, shape (2,) [m]
     shift = RigidTransform(tilt.rotation() @ np.array([*steps, 0.0]))
     moved = [
         _PagePose(LINES, shift),
@@ -299,7 +306,8 @@ def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
     ]
     found = []
     for path, pose in moved:
-        # Meshcat expects the matrix column by column. Seven decimals are exact to less than a micrometre.
+        # Meshcat expects the matrix column by column. Seven decimals are exact to less than a micrometre. For the
+        # page's script, "still" excludes the object from the moving bodies.
         matrix = np.round(pose.GetAsMatrix4(), 7).ravel(order="F").tolist()
         found.append({"type": "set_transform", "path": path, "matrix": matrix, "still": True})
     return found

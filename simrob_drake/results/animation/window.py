@@ -1,7 +1,8 @@
 """A page on this computer that a program draws into, and whose sliders and buttons only its user can set.
 
 The page is Meshcat's. It receives its commands as server-sent events, which the browser allows no other page to read.
-The page itself sends short messages: a JSON list of a name and a value. Nothing else that arrives is parsed.
+The page itself sends short messages: a JSON list of a name and a value. Nothing else that arrives is parsed. A
+*control* is a slider or a button in the menu of the page.
 """
 
 import json
@@ -66,7 +67,11 @@ class Control:
     key_up: str | None = None
 
     def command(self, name: str) -> Command:
-        """Command that adds the control to the menu of the page, under a name."""
+        """Command that adds the control to the menu of the page, under a name.
+
+        When the user moves or presses the control, the page sends the name with the new value, or with 1 for a button.
+        """
+        # Beginning of a call of the page's JavaScript function `tell`, with the name as its first argument.
         tell = f"tell({json.dumps(name)}"
         if self.step is None:
             return {
@@ -126,14 +131,23 @@ class Board:
         self.page = f"{before}{scripts}{end}{after}".encode()
 
     def tell(self, subject: str, commands: Sequence[Command]) -> None:
-        """Send commands to all pages, also to later ones, in place of earlier commands of the same subject."""
+        """Send commands to all pages, also to later ones, in place of earlier commands of the same subject.
+
+        Args:
+            subject: what the commands are about, such as "scene".
+            commands: commands to Meshcat's page.
+        """
         with self._news:
             self._commands[subject] = commands
             self._versions[subject] = next(self._count)
             self._news.notify_all()
 
     def show(self, name: str) -> None:
-        """Move a slider in all pages to the value that the program has set."""
+        """Move a slider in all pages to the value that the program has set in `controls`.
+
+        Args:
+            name: name of the slider.
+        """
         command = {"type": "set_control_value", "name": name, "value": self.controls[name].value}
         self.tell(f"control {name}", [{**command, "invoke_callback": False}])
 
@@ -161,7 +175,8 @@ class Board:
         if math.isfinite(value):
             # The page keeps sliders within their limits, but the message may come from another program.
             control.value = min(max(value, control.low), control.high)
-            with self._news:  # a value that the program has set is no longer valid
+            # Forget the command of `show`: the value that the program has set is no longer valid.
+            with self._news:
                 self._commands.pop(f"control {name}", None)
                 self._versions.pop(f"control {name}", None)
 
@@ -173,6 +188,7 @@ class Board:
         """
         menu = [control.command(name) for name, control in self.controls.items() if not after]
         yield f"data: {json.dumps(menu)}\n\n".encode()
+        # Of each subject, the latest event, if the page has received it already.
         with self._news:
             known = {
                 subject: version for subject, version in self._versions.items() if version <= after
@@ -193,6 +209,7 @@ class Board:
         with self._news:
             # The lock of the condition is released while it waits, so that the program can send.
             self._news.wait_for(lambda: self._new_subjects(known) or not self._open, timeout=_PAUSE)
+            # What was sent before the board was closed is still delivered.
             if not (self._open or self._new_subjects(known)):
                 return None
             new = [
@@ -218,7 +235,11 @@ class Board:
 
 
 def is_short(length: str) -> bool:
-    """Whether a length, as a message's header gives it, is a number, and that of a message that a page may send."""
+    """Whether a message has at most 512 bytes.
+
+    Args:
+        length: length as the header of the message gives it. The result is False if it is not a number.
+    """
     return 0 <= number_of(length, -1) <= _LONGEST
 
 
@@ -273,7 +294,11 @@ class _Server(ThreadingHTTPServer):
 
 
 def _server(window: Window) -> _Server:
-    """Start a server of a window at the first free port."""
+    """Start a server of a window at the first free port from 7000 to 7099, or at any free one.
+
+    Raises:
+        OSError: no port is free.
+    """
     any_port = 0  # the system chooses one
     for port in (*range(_FIRST_PORT, _FIRST_PORT + _PORT_COUNT), any_port):
         try:
@@ -294,7 +319,7 @@ class _Handler(BaseHTTPRequestHandler):
     server: _Server
 
     def do_GET(self) -> None:
-        """Answer with the page, or with its events."""
+        """Answer with the page, or with its events, for as long as the window is open."""
         if not self._is_allowed():
             return
         window = self.server.window

@@ -102,6 +102,11 @@ class BlockGraph:
         """Add signals to the arrow between two blocks. The arrow itself is added if it is new.
 
         An arrow from a block to itself is left out: it would only show how the block works inside.
+
+        Args:
+            source: key of the block where the arrow begins.
+            target: key of the block to which it leads.
+            signals: names of the signals; perhaps none.
         """
         if source == target:
             return
@@ -120,9 +125,14 @@ class BlockGraph:
         return [ends.target for ends in self.arrows if ends.source == key]
 
     def is_forward(self, source: str, target: str) -> bool:
-        """Whether an arrow leads in the direction of the signal flow. A measurement leads back to its controller.
+        """Whether an arrow leads in the direction of the signal flow: to a block of the same role or of a later one.
 
-        If two blocks of the same role exchange signals, the arrow from the block that was added first is forward.
+        A measurement, for instance, leads back to its controller. If two blocks of the same role exchange signals, the
+        arrow from the block that was added first is forward, and the other one is not.
+
+        Args:
+            source: key of the block where the arrow begins.
+            target: key of the block to which it leads.
         """
         source_rank = ROLES.index(self.blocks[source].role)
         target_rank = ROLES.index(self.blocks[target].role)
@@ -134,7 +144,10 @@ class BlockGraph:
         return source_rank <= target_rank
 
     def drawn_arrows(self) -> list[Arrow]:
-        """Arrows to draw. Two blocks that exchange signals have a single arrow with two heads."""
+        """Arrows to draw. Two blocks that exchange signals have a single arrow with two heads.
+
+        An arrow to a port of the station has no text, since the label of the port has the name of the signal.
+        """
         drawn = []
         for ends, signals in self.arrows.items():
             text = ", ".join(signals)
@@ -167,7 +180,11 @@ class BlockGraph:
                 self._bypass(bar.key)
 
     def _bypass(self, key: str) -> None:
-        """Remove a block, and connect each of its sources to each of its targets."""
+        """Remove a block, and connect each of its sources to each of its targets.
+
+        Args:
+            key: key of the block.
+        """
         for source in self.sources(key):
             for target in self.targets(key):
                 # The names behind the block are more specific, such as the part of the state that a target reads.
@@ -200,7 +217,13 @@ class BlockGraph:
         return graph
 
     def neighbourhood(self, key: str) -> "BlockGraph":
-        """Graph of a block alone with its sources and its targets, without the ports of the station."""
+        """Graph of a block with its sources and its targets only, without the ports of the station.
+
+        Of the arrows, those from and to the block remain.
+
+        Args:
+            key: key of the block.
+        """
         graph = BlockGraph(self.title)
         neighbours = {key, *self.sources(key), *self.targets(key)}
         for name, block in self.blocks.items():
@@ -312,7 +335,11 @@ class _PortGroup(NamedTuple):
 
 
 def nets_of(graph: BlockGraph) -> list[Net]:
-    """Collect the arrows of a graph into nets, including those to the outputs of the station."""
+    """Collect the arrows of a graph into nets, including those to the outputs of the station.
+
+    Arrows with the same source and the same text are one net. A bus has a net for each joint, and each exchange of
+    signals is a net of its own.
+    """
     nets: dict[_NetKey, Net] = {}
     port_groups: dict[_PortGroup, list[str]] = defaultdict(list)
     for arrow in graph.drawn_arrows():
@@ -339,7 +366,11 @@ def nets_of(graph: BlockGraph) -> list[Net]:
 
 
 def _net_group(graph: BlockGraph, arrow: Arrow) -> str:
-    """Group of the net of an arrow: see :class:`_NetKey`."""
+    """Group of the net of an arrow. Arrows of the same source and text with different groups are in different nets.
+
+    Returns:
+        the target, for an exchange of signals; the joint, for an arrow from a bus; otherwise an empty text.
+    """
     if arrow.both:
         return arrow.target
     if graph.blocks[arrow.source].shape == "bus":
@@ -376,6 +407,7 @@ def columns_of(graph: BlockGraph) -> dict[str, int]:
         keys = [block.key for block in blocks if not _is_output(graph, block)]
         if not keys:
             continue
+        # For each block, the column within its group.
         depths = _depths(graph, keys)
         if roles == ("force",) and not forces_need_own_column:
             next_column -= 1
@@ -416,7 +448,12 @@ def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
     finished: list[str] = []
 
     def visit(key: str, path: tuple[str, ...]) -> None:
-        """Search from a block in depth. The path has the keys from the first block to this one."""
+        """Search from a block in depth, and append the blocks that are found to ``finished``.
+
+        Args:
+            key: key of the block.
+            path: keys of the blocks from the first one of the search to this one.
+        """
         forward = _forward_targets(graph, key)
         successors[key] = [target for target in forward if target in keys and target not in path]
         for target in successors[key]:
@@ -438,7 +475,12 @@ def _depths(graph: BlockGraph, keys: list[str]) -> dict[str, int]:
 
 
 def _forward_targets(graph: BlockGraph, key: str) -> list[str]:
-    """Targets of a block without those from which it gets a measurement, or another answer, in exchange."""
+    """Targets of a block. Where two blocks exchange signals, only the arrow in the direction of the signal flow counts.
+
+    Args:
+        graph: the graph.
+        key: key of the block.
+    """
     targets = []
     for target in graph.targets(key):
         is_exchange = Ends(target, key) in graph.arrows

@@ -1,9 +1,12 @@
 """Sizes and positions of the blocks of a picture: in columns along the signal flow.
 
-The picture consists of *boxes*. A box is a block, or the list of all output ports of a robot. Boxes are in columns;
-within its column, a box is as close as possible to the heights of the boxes that it is connected to, so that most
-arrows are straight. Each net (a signal that one block sends to others) meets the left side of the boxes that read it,
-its *inlets*, and the right side of its source, its *outlet*.
+The picture consists of *boxes*. A box is a block, or the list of all output ports of a robot (a *port* is an output of
+the station, or an input that nothing feeds). A *bar* is a thin, high block: a mux joins signals, and a bus distributes
+them. A *sum* is a small circle. The *steps* of a block's computation are drawn as boxes inside it.
+
+Boxes are in columns; within its column, a box is as close as possible to the heights of the boxes that it is connected
+to, so that most arrows are straight. Each net (a signal that one block sends to others) meets the left side of the
+boxes that read it, its *inlets*, and the right side of its source, its *outlet*.
 
 Positions are in pixels, x to the right and y down. Heights of inlets and outlets are measured from the middle of their
 box. :mod:`simrob_drake.results.block_diagram.routing` sets x afterwards, from the count of lines that pass between
@@ -188,7 +191,8 @@ class Layout:
     def _blocks_of_boxes(self, graph: BlockGraph) -> list[list[DrawnBlock]]:
         """Group the blocks that share a box: output ports by robot, in the order of their nets; others are alone.
 
-        The groups are ordered by robots. Forces are the last of their robot, because they are drawn below the servos.
+        The groups are ordered by robots, with the blocks that all robots share first. Forces are the last of their
+        robot, because they are drawn below the servos.
         """
         port_lists: dict[str, list[DrawnBlock]] = defaultdict(list)
         targets = [target for net in self.nets for target in net.targets]
@@ -208,7 +212,12 @@ class Layout:
         return sorted(groups, key=rank)
 
     def _make_box(self, blocks: list[DrawnBlock], column: int) -> Box:
-        """Make the box of a block, or of several ports, with the size that their text needs."""
+        """Make the box of a block, or of several ports, with the size that their text needs.
+
+        Args:
+            blocks: one block, or the output ports of a robot.
+            column: index of the column of the box.
+        """
         block = blocks[0]
         if block.shape in BARS:
             # The height is provisional: a bar is stretched along the boxes that it joins.
@@ -225,7 +234,13 @@ class Layout:
         return self._make_block_box(block, lines, column)
 
     def _make_block_box(self, block: DrawnBlock, lines: list[str], column: int) -> Box:
-        """Make the box of a block with text, and with the steps of its computation as boxes below the text."""
+        """Make the box of a block with text, and with the steps of its computation as boxes below the text.
+
+        Args:
+            block: the block.
+            lines: lines of its text.
+            column: index of the column of the box.
+        """
         steps = [step.split("\n") for step in block.inside]
         lines_of_steps = [line for step in steps for line in step]
         width = max(text_width(line) for line in [*lines, *lines_of_steps])
@@ -287,7 +302,12 @@ class Layout:
             box.outlets = self._ordered_ends(box, incoming=False)
 
     def _ordered_ends(self, box: Box, *, incoming: bool) -> dict[int, float]:
-        """Heights of the ends of nets on one side of a box, from its middle, by the index of the net [px]."""
+        """Heights of the ends of nets on one side of a box, from its middle, by the index of the net [px].
+
+        Args:
+            box: the box.
+            incoming: whether the side is the left one, where nets enter. Otherwise it is the right one.
+        """
         heights: dict[int, list[float]] = defaultdict(list)
         for connection in self._connections(box):
             if connection.is_incoming == incoming:
@@ -298,7 +318,8 @@ class Layout:
         if box.is_port_list:
             # The net ends in the middle of the ports to which it leads.
             return {net: fmean(self.port_range(net, box)) for net in order}
-        # The ends are PITCH apart, and their centre is at the entry or exit of the box.
+        # The ends are PITCH apart, and their centre is at the entry or exit of the box. The rank of an end counts from
+        # the top; the (fractional) rank of the middle of the box has the height 0.
         centre = box.entry_height if incoming else box.exit_height
         middle_rank = (len(order) - 1) / 2 - centre / PITCH
         return {net: (rank - middle_rank) * PITCH for rank, net in enumerate(order)}
@@ -380,7 +401,7 @@ class Layout:
         return fmean(heights) if heights else box.y
 
     def _are_neighbours(self, box: Box, other: Box) -> bool:
-        """Whether two boxes are in different columns with nothing but forces between them."""
+        """Whether two boxes are in different columns, and all columns between them have nothing but forces."""
         first, last = sorted((box.column, other.column))
         between = [placed for column in self.columns[first + 1 : last] for placed in column]
         return first < last and all(placed.is_force for placed in between)
@@ -396,7 +417,10 @@ class Layout:
             bar.height = bottom - top + 2 * PITCH
 
     def _many_sided(self, bar: Box) -> list[_Connection]:
-        """Connections of a bar to the boxes of the next column on the side where it has several nets."""
+        """Connections of a bar to the boxes of the next column on the side where it has several nets.
+
+        A mux has several nets at its left, which it joins; a bus has them at its right.
+        """
         is_mux = bar.blocks[0].shape == "mux"
         return [
             connection
@@ -441,6 +465,8 @@ class Layout:
             # A net with several targets can only be straight to one of them, unless it leaves from a long bar.
             for target in near if source.is_bar else near[:1]:
                 height = target.y + target.inlets[index]
+                # The outlet moves to the height of the inlet if the inlet cannot move freely (ports, several inlets),
+                # or if the outlet can (a bar, a single outlet).
                 has_one_outlet = len(source.outlets) == 1
                 is_shared_target = len(target.inlets) > 1
                 if target.is_port_list or source.is_bar or is_shared_target or has_one_outlet:
@@ -459,7 +485,12 @@ def _is_output_port(block: DrawnBlock) -> bool:
 def _height_at_neighbour(box: Box, connection: _Connection) -> float:
     """Height from which a net enters a box, or to which it leaves, in the picture [px].
 
-    A net that does not lead to the next column passes far above the boxes, or far below if it leads back.
+    It is the height of the box at the other end. A net that leads farther than to the next column counts as far above
+    all boxes, and one that leads back, or stays in its column, as far below.
+
+    Args:
+        box: the box.
+        connection: one end of the net at this box.
     """
     # Count of columns that the net advances in the direction of the signal flow.
     advance = connection.other.column - box.column

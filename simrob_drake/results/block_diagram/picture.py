@@ -1,7 +1,10 @@
 """The block picture of a station: drawn as SVG, PNG or PDF, or as text in the language of Graphviz or Mermaid.
 
 A drawing consists of *marks*: areas, lines and texts. The marks of a block belong together as a *part*, which is a
-group in the SVG file, so that a page can react to a click on the block.
+group in the SVG file, so that a page can react to a click on the block. A *net* is a signal from a block to others. A
+*port* is an output of the station, or an input that nothing feeds; the ports of a robot form a list. A *bar* is a thin
+block that joins or distributes signals. The *role* of a block, such as "servo", determines its colour. Positions are in
+pixels, x to the right and y down.
 
 ``python -m simrob_drake.results.block_diagram.picture`` draws the stations of the package anew.
 """
@@ -232,6 +235,7 @@ def _legend(graph: BlockGraph, y: float) -> _Legend:
             continue
         colours = COLOURS[role]
         title = translate(TITLES[role])
+        # A coloured rectangle of 12 x 10 px, then the title. The next role follows 15 px after the title.
         marks.append(_Area(_rectangle(x, y - 9, 12, 10), colours.fill, colours.line))
         marks.append(_Text(title, Point(x + 17, y), colours.line, centred=False))
         x += text_width(title) + 32
@@ -247,6 +251,7 @@ def _net_marks(text: str, lines: Lines) -> Iterator[_Mark]:
     """
     for polyline in lines.polylines:
         yield _Line(polyline)
+    # An arrowhead is a triangle, 7 px long and 6.4 px wide; a dot is a square of 3.6 px.
     for head in lines.heads:
         tip = head.tip
         back = tip.x - 7 if head.points_right else tip.x + 7
@@ -258,7 +263,11 @@ def _net_marks(text: str, lines: Lines) -> Iterator[_Mark]:
 
 
 def _parts_of_box(box: Box) -> Iterator[_Part]:
-    """Yield the parts of a box: a block is one part; in a list of ports, each port is a part of its own."""
+    """Yield the parts of a box: a block is one part; in a list of ports, each port is a part of its own.
+
+    Args:
+        box: the box, at its place in the picture.
+    """
     if box.is_port_list:
         yield from _parts_of_ports(box)
         return
@@ -274,7 +283,7 @@ def _parts_of_box(box: Box) -> Iterator[_Part]:
 
 
 def _parts_of_ports(box: Box) -> Iterator[_Part]:
-    """Yield the name of the robot, if it is written, and each port of a list of ports."""
+    """Yield the parts of a list of ports: the name of the robot, if it is written, and each port."""
     line_colour = COLOURS[box.blocks[0].role].line
     top = box.y - box.height / 2
     middle = box.x + box.width / 2
@@ -301,6 +310,9 @@ def _content_of_block(box: Box, block: DrawnBlock, line_colour: str) -> Iterator
     """
     middle = box.x + box.width / 2
     steps = [step.split("\n") for step in block.inside]
+    # A step needs its lines, CELL for the edges of its box, and 1.5 CELL for the arrow above it. The content is in the
+    # middle of the box, and y is the height up to which it has been drawn. Base lines of texts are 3 px above the lower
+    # edge of their line, and boxes of steps keep 7 px from the edges of the block.
     content_height = LINE * len(box.lines) + fsum(LINE * len(step) + 2.5 * CELL for step in steps)
     y = box.y - content_height / 2
     for index, text in enumerate(box.lines):
@@ -333,7 +345,7 @@ def _rectangle(x: float, y: float, width: float, height: float) -> list[Point]:
 
 
 def _svg_mark(mark: _Mark) -> str:
-    """Write a mark as an element of SVG."""
+    """Write an area, a line or a text as an element of SVG."""
     if isinstance(mark, _Text):
         return _svg_text(mark)
     if isinstance(mark, _Line):
@@ -359,7 +371,7 @@ def _svg_text(mark: _Text) -> str:
 
 
 def _svg_points(points: Sequence[Point]) -> str:
-    """Write points as they follow the "M" of a path of SVG."""
+    """Write points as they follow the "M" of a path of SVG: "x y", joined by "L", the command to draw a line."""
     return "L".join(f"{point.x:.1f} {point.y:.1f}" for point in points)
 
 
@@ -403,7 +415,12 @@ def _svg_value(index: int, drawn_net: _DrawnNet) -> str:
 
 
 def _draw_mark(axes: "Axes", mark: _Mark) -> None:
-    """Draw a mark with Matplotlib. Lines are under areas, and texts above both (zorder)."""
+    """Draw a mark with Matplotlib. Lines are under areas, and texts above both (zorder).
+
+    Args:
+        axes: the frame, with pixels of the drawing as units.
+        mark: an area, a line or a text.
+    """
     from matplotlib.patches import Polygon
 
     if isinstance(mark, _Area):
@@ -442,7 +459,7 @@ def station_dot(config: StationConfig) -> str:
 
 
 def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[str] = ()) -> str:
-    """Draw a station's block picture as SVG.
+    """Draw a station's block picture, as the text of an SVG file.
 
     Args:
         config: the station.
@@ -457,7 +474,7 @@ def station_svg(config: StationConfig, *, live: bool = False, folded: Iterable[s
 
 
 def loop_svg(config: StationConfig, name: str) -> str:
-    """Draw a controller of a station as SVG, with the blocks that it reads and those that it commands.
+    """Draw a controller of a station, as the text of an SVG file, with the blocks that it reads and that it commands.
 
     Args:
         config: the station.
@@ -465,6 +482,7 @@ def loop_svg(config: StationConfig, name: str) -> str:
 
     Raises:
         UnknownName: the station has no controller of this name.
+        SimrobError: the station cannot be built.
     """
     controller = one_of(message("results.loop", "loop"), name, config.controllers)
     return Drawing(_graph(config).neighbourhood(f"controller.{controller}")).svg()

@@ -198,7 +198,14 @@ class _Reader:
             block.systems.append(name)
 
     def _draw_net(self, name: str, drawing: Drawn) -> None:
-        """Add the blocks of a net that Drake has as a single system, such as a controller of several formulas."""
+        """Add the blocks of a net that Drake has as a single system, such as a controller of several formulas.
+
+        Arrows between these blocks are added, too.
+
+        Args:
+            name: name of the system.
+            drawing: the net: parts of the system, each with its label and the parts that feed it.
+        """
         for part, inner in drawing.net.items():
             key = f"{drawing.key}.{part}"
             block = DrawnBlock(key, drawing.role, drawing.robot, inner.label)
@@ -210,7 +217,7 @@ class _Reader:
         self.graph.blocks[f"{drawing.key}.{first_part}"].systems.append(name)
 
     def _connect(self, name: str, drawing: Drawn) -> None:
-        """Add the arrows that lead to the block of a system.
+        """Add the arrows that lead to the block of a system. Inputs that nothing feeds have none.
 
         Args:
             name: name of the system.
@@ -271,7 +278,7 @@ class _Reader:
         return found
 
     def _signals_at(self, port: _PortId) -> Signals:
-        """Symbols of the signals at a port; empty if the port has none."""
+        """Symbols of the signals at a port, such as "q". They are empty if no symbol of the port is known."""
         # The station's own symbols come first: they are more specific than those of Drake's ports.
         if port in self._symbols:
             return self._symbols[port]
@@ -306,6 +313,7 @@ class _Reader:
             key = f"output {names[0]}"
             robot = self._robot_of(names[0])
             short_names = [name.removeprefix(f"{robot}.") for name in names]
+            # All names of the port, the shortest first, joined by equals signs.
             label = " = ".join(sorted(short_names, key=len))
             self.graph.blocks[key] = DrawnBlock(key, "sensor", robot, label, "port")
             for origin in self._origins(_OutputId(port_id.system, port_id.port_index)):
@@ -320,7 +328,7 @@ class _Reader:
 
 
 def _rank_of_signal(signal: str) -> int:
-    """Sort key of a signal in the text of an arrow."""
+    """Sort key of a signal in the text of an arrow: known symbols have a fixed order, and other names follow."""
     return _ORDER.index(signal) if signal in _ORDER else len(_ORDER)
 
 
@@ -334,7 +342,7 @@ def station_description(config: StationConfig) -> str:
 
 
 def _symbols_of_ports(ports: StationPorts) -> dict[_PortId, Signals]:
-    """Symbols of the signals at the ports that the station offers. The first symbol of a port is used."""
+    """Symbols of the signals at the ports that the station offers. Of several names of a port, the first one counts."""
     symbols: dict[_PortId, Signals] = {_port_id(ports.state): _STATE}
     for name, port in ports.outputs.items():
         if name.startswith("applied_force."):
@@ -372,6 +380,7 @@ def drawing_of(name: str, system: System, ports: StationPorts) -> Drawn | None:
     if is_silent or declaration.is_found:
         return None
 
+    # A single robot has an empty prefix, with which all names begin.
     robot = next(
         (robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None
     )
@@ -409,7 +418,7 @@ def _bar_or_sum(system: System) -> _Outline | None:
 
 
 def _is_wire(local_name: str, system: System) -> bool:
-    """Whether a system only passes values on: of the blocks of a joint, or from one order of axes to another.
+    """Whether a system only passes values on: it joins values within a joint, or selects, reorders or turns axes.
 
     Args:
         local_name: name of the system without the robot's prefix. The systems of a joint have a dot in their names.
@@ -436,7 +445,12 @@ class _Declaration(NamedTuple):
 
 
 def _declared_drawing(name: str, ports: StationPorts) -> _Declaration:
-    """Find the declaration for a system: the one with its name, or else with the longest part before a dot."""
+    """Find the declaration for a system: the one with its name, or else with the longest part before a dot.
+
+    Args:
+        name: name of the system, such as ``left.servo.joint_1``.
+        ports: the station's ports, with the declarations of its parts by name.
+    """
     drawings = ports.picture.drawn
     while name not in drawings:
         # A part declares its subsystem once, and all systems whose names begin with that name belong to it.
@@ -472,7 +486,10 @@ def _clusters(graph: BlockGraph) -> Iterator[_Cluster]:
 
 
 def dot_text(graph: BlockGraph) -> str:
-    """Write a block graph in the language of Graphviz. The same graph gives the same text."""
+    """Write a block graph in the language of Graphviz. The same graph gives the same text.
+
+    Outputs of a robot that come from the same blocks share a port.
+    """
     graph = graph.with_merged_outputs()
     title = f"{graph.title}\n{graph.description}".strip() + "\n "
     lines = [
@@ -496,7 +513,7 @@ def dot_text(graph: BlockGraph) -> str:
 
 
 def _dot_node(block: DrawnBlock) -> str:
-    """Write a block in the language of Graphviz."""
+    """Write a block as a node in the language of Graphviz; its shape and colours follow from its shape and role."""
     line = COLOURS[block.role].line
     attributes = {"label": block.text, "color": line, "fillcolor": "white"}
     if block.shape in BARS:
@@ -547,7 +564,10 @@ def _dot_string(text: str) -> str:
 
 
 def mermaid_text(graph: BlockGraph) -> str:
-    """Write a block graph as a Mermaid flowchart. The same graph gives the same text."""
+    """Write a block graph as a Mermaid flowchart. The same graph gives the same text.
+
+    Outputs of a robot that come from the same blocks share a port.
+    """
     graph = graph.with_merged_outputs()
     # Keys of blocks have characters that Mermaid does not accept in a name.
     names = {key: f"b{index}" for index, key in enumerate(graph.blocks)}

@@ -6,7 +6,8 @@ net reaches, it has a *trunk*, an upright line to which its level lines lead. Ea
 sets its x in the channel, so that trunks do not overlap. If a net leads beyond the next column, a *lane*, a level line
 past one or more columns, connects its trunks of two channels. A net that leads back has a lane below all boxes.
 
-Positions are in pixels, x to the right and y down.
+A *port* is an output of the station; the ports of a robot are one box, a list. A net with ``both`` is an exchange of
+signals between two boxes, with an arrowhead at each end. Positions are in pixels, x to the right and y down.
 """
 
 from collections import defaultdict
@@ -219,7 +220,12 @@ class Routing:
         return source.y + source.outlets[index]
 
     def _arrivals(self, index: int, net: Net) -> dict[int, list[_Arrival]]:
-        """Ends of a net at the boxes that read it, by the box's column, which is also the channel at its left."""
+        """Ends of a net at the boxes that read it, by the box's column, which is also the channel at its left.
+
+        Args:
+            index: index of the net.
+            net: the net.
+        """
         arrivals: dict[int, list[_Arrival]] = defaultdict(list)
         for target in net.targets:
             box = self._layout.boxes[target]
@@ -230,7 +236,7 @@ class Routing:
         return arrivals
 
     def _route_lanes(self) -> None:
-        """Make the trunks and lanes of all nets. Short lanes come first, so that they are the inner ones."""
+        """Make the trunks and lanes of all nets. Short lanes are made first, so that they are close to the boxes."""
         passages: list[_Passage] = []
         for index, net in enumerate(self._layout.nets):
             passages += self._join_neighbours(index, net)
@@ -359,6 +365,7 @@ class Routing:
         step = -_LANE if upper else _LANE
         edge = min(self._tops[first:last]) if upper else max(self._bottoms[first:last])
         height = edge + step
+        # Level lines that nets have in the channels which the lane crosses.
         heights = [line.height for channel in self._occupied[first : last + 1] for line in channel]
         # Small steps use the room between lanes better than whole lanes would.
         while any(abs(height - other) < _LANE - 1 for other in heights):
@@ -366,13 +373,28 @@ class Routing:
         return height
 
     def _reserve(self, height: float, first: int, last: int) -> None:
-        """Extend the columns between two channels to a height, so that later lanes pass beyond it."""
+        """Extend the columns between two channels to a height [px], so that later lanes pass beyond it.
+
+        A height between the boxes changes nothing.
+
+        Args:
+            height: height of a lane [px].
+            first: index of the left channel, which is also that of the first column.
+            last: index of the right channel.
+        """
         for column in range(first, last):
             self._tops[column] = min(self._tops[column], height)
             self._bottoms[column] = max(self._bottoms[column], height)
 
     def _is_free(self, net: int, height: float, first: int, last: int) -> bool:
-        """Whether a net can pass straight at a height between two channels, clear of all boxes and other nets."""
+        """Whether a net can pass straight at a height between two channels, clear of all boxes and other nets.
+
+        Args:
+            net: index of the net.
+            height: the height [px].
+            first: index of the left channel.
+            last: index of the right channel.
+        """
         lines = [line for channel in self._occupied[first : last + 1] for line in channel]
         # A net may meet its own lines: they carry the same signal.
         if any(line.net != net and abs(height - line.height) < _LANE - 1 for line in lines):
@@ -381,7 +403,11 @@ class Routing:
         return all(abs(height - box.y) >= box.height / 2 + _CLEAR for box in boxes)
 
     def _set_tracks(self, channel: int) -> None:
-        """Set the track of each trunk of a channel, so that trunks do not overlap and few lines cross."""
+        """Set the track of each trunk of a channel, so that trunks do not overlap and few lines cross.
+
+        Args:
+            channel: index of the channel.
+        """
         trunks = [trunk for trunk in self._trunks[channel].values() if not trunk.is_level]
         order = _order_of_trunks(trunks)
         for rank, trunk in enumerate(order):
@@ -404,6 +430,7 @@ class Routing:
                 last_track = max(
                     (trunk.track for trunk in trunks.values() if not trunk.is_level), default=-1
                 )
+                # Tracks count from 0. A free distance is left of the first track, and one right of the last.
                 x += names_width + _TRACK * (last_track + 2) + _HEAD
             if channel < len(self._layout.columns):
                 column = self._layout.columns[channel]
@@ -414,7 +441,11 @@ class Routing:
         return x
 
     def _width_of_names(self, channel: int) -> float:
-        """Width of the longest name of the nets that begin in a channel, with its margins [px]."""
+        """Width of the longest name of the nets that begin in a channel, with its margins [px]; 0 if none has a name.
+
+        Args:
+            channel: index of the channel.
+        """
         widths = [0.0]
         for net in self._layout.nets:
             begins_here = self._layout.boxes[net.source].column == channel - 1
@@ -522,7 +553,11 @@ def _order_of_trunks(trunks: Sequence[_Trunk]) -> list[_Trunk]:
 
 
 def _rank_of_trunk(trunk: _Trunk) -> _Rank:
-    """Sort key of a trunk: those that lead up, from the top; those that lead down, from below; those that come back."""
+    """Sort key of a trunk in its channel, from left to right.
+
+    First come trunks that lead up, the highest first; then those that lead down, the lowest first; then those of nets
+    that come back from the right. With this order, trunks that lead in the same direction do not cross.
+    """
     if not trunk.from_left:  # the net comes back from the right
         return _Rank(2, min(trunk.from_right))
     if trunk.leads_down():
@@ -531,7 +566,7 @@ def _rank_of_trunk(trunk: _Trunk) -> _Rank:
 
 
 def _overlap(trunk: _Trunk, other: _Trunk) -> bool:
-    """Whether two trunks on the same track would touch, or nearly so."""
+    """Whether two trunks on the same track would touch, or be less than half a pitch (8 px) apart."""
     return trunk.top < other.bottom + PITCH / 2 and other.top < trunk.bottom + PITCH / 2
 
 

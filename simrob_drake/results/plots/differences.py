@@ -1,4 +1,7 @@
-"""Keys in which saved results differ, with which a legend distinguishes the results."""
+"""Keys in which saved results differ, with which a legend distinguishes the results.
+
+Keys are *dotted* as the option ``--set`` takes them: ``servo.kp.lift`` is the key ``lift`` in ``kp`` in ``servo``.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -36,7 +39,8 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
         values = [own.get(key, _NOT_SET) for own in settings]
         if any(value != values[0] for value in values):
             differing[key] = values
-    # A saved station has the servo of its only robot twice: at its top, and in the section of the robot.
+    # A saved station has the servo of its only robot twice: at its top, and in the section of the robot. The second is
+    # left out if the first has the same values.
     shown = [key for key, values in differing.items() if differing.get(_key_at_top(key)) != values]
     texts = []
     for index in range(len(folders)):
@@ -58,7 +62,7 @@ def _with_same_keys(settings: Sequence[Mapping[str, Any]]) -> list[dict[str, Any
         the values of each result, with ``servo.kp.lift`` in both.
     """
     all_keys = dict.fromkeys(key for values in settings for key in values)
-    subkeys = dict[str, list[str]]()
+    subkeys = dict[str, list[str]]()  # for each key of a mapping, its keys one level below
     for key in all_keys:
         parent, _, _ = key.rpartition(".")
         subkeys.setdefault(parent, []).append(key)
@@ -78,7 +82,13 @@ def _key_at_top(key: str) -> str:
 
 
 def _settings(folder: Path) -> dict[str, Any]:
-    """Read the values of a result's station and program, by dotted keys as ``--set`` takes them."""
+    """Read the values of a result's station and program, by dotted keys.
+
+    Keys without effect on the run, such as the name, are left out. The result is empty if neither is saved.
+
+    Args:
+        folder: folder of the result.
+    """
     settings: dict[str, Any] = {}
     station = folder / STATION
     if station.is_file():
@@ -95,7 +105,14 @@ def _settings(folder: Path) -> dict[str, Any]:
 
 
 def _values_by_key(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """Yield each value of nested mappings and lists with its dotted key. Entries of lists have their index, from 0."""
+    """Yield each value of nested mappings and lists, after its dotted key. Entries of lists have their index, from 0.
+
+    A list of plain values is one value.
+
+    Args:
+        content: a mapping, a list or a value.
+        key: dotted key of the content; empty at the top.
+    """
     if isinstance(content, Mapping):
         entries = [(str(name), value) for name, value in content.items()]
     # A list of numbers, such as a position, is one value: single components would mean nothing in a legend.
@@ -109,7 +126,7 @@ def _values_by_key(content: Any, key: str = "") -> Iterator[tuple[str, Any]]:
 
 
 def _in_words(value: Any) -> str:
-    """Write a value of a key: numbers with six significant digits at most."""
+    """Write a value of a key: numbers with decimals have six significant digits at most."""
     if isinstance(value, float):
         return compound("{value:g}", value=value)
     return str(value)

@@ -204,6 +204,9 @@ def is_dense(plots: Iterable[Plot]) -> bool:
     """Whether curves go up and down so often that lines of the usual width would run together.
 
     Noise does not count: it is smaller than the span of the axis.
+
+    Args:
+        plots: the plots. One dense curve is enough.
     """
     for plot in plots:
         for curve in plot.curves:
@@ -213,7 +216,7 @@ def is_dense(plots: Iterable[Plot]) -> bool:
 
 
 def style(axes: Axes, title: str) -> None:
-    """Give a frame the style of all plots of a run, and a title."""
+    """Give a frame the style of all plots of a run, and a title at its left; an empty text for no title."""
     axes.grid(color="0.9")
     axes.set_axisbelow(True)
     axes.tick_params(labelsize=_TICK_SIZE)
@@ -225,7 +228,7 @@ def style(axes: Axes, title: str) -> None:
 
 
 def reliable_samples(result: RecordedRun, values: Vector) -> Vector:
-    """Samples of a run that may set the scale of a plot: those before a run diverges.
+    """Samples of a run that may set the scale of a plot: of a run that diverged, the first 95 %.
 
     Args:
         result: the run.
@@ -248,12 +251,16 @@ class _Numbers(Formatter):
         return with_decimal_sign(f"{value:g}")
 
     def format_ticks(self, values: Sequence[float]) -> list[str]:
-        """Write the numbers of an axis, all with the fewest decimals by which they differ."""
+        """Write the numbers of an axis, all with the fewest digits by which they differ.
+
+        The digits are decimals; for very large or very small numbers they are significant digits, with a power of ten.
+        """
         largest = max(map(abs, values), default=0.0)
-        # Neighbouring numbers must differ, so the rounding is compared with their distance.
+        # Neighbouring numbers must differ, so the rounding is compared with their distance. A single number has none.
         step = float(np.diff(np.sort(values)).min()) if len(values) > 1 else largest
         is_plain = largest == 0 or _PLAIN[0] <= largest < _PLAIN[1]
         notation = "f" if is_plain else "g"
+        # Try more and more digits until the rounding of the texts is a thousandth of that distance at most.
         for digits in range(16):  # a double has no more
             texts = [f"{value:.{digits}{notation}}" for value in values]
             rounding = np.abs(np.array(texts, dtype=float) - values).max(initial=0.0)
@@ -299,7 +306,7 @@ class _Grid:
         self._legend_lines: dict[str, Line2D] = {}  # lines of the legend at the top, by label
 
     def draw(self, span: Span, *, legends: bool) -> None:
-        """Draw all curves.
+        """Draw all curves and the labels of the axes; in a run that was stopped, also a line at its end.
 
         Args:
             span: part of the run that is shown.
@@ -343,7 +350,7 @@ class _Grid:
             self._draw_stop()
 
     def _draw_stop(self) -> None:
-        """Draw an upright line in all frames where the run was stopped."""
+        """Draw an upright line in all frames at the time at which the run was stopped. The legend explains it."""
         label = translate(message("results.stop", "stop"))
         looks: dict[str, Any] = {"color": RED, "linewidth": 1.4, "linestyle": ":", "label": label}
         for axes in self.figure.axes:
@@ -360,8 +367,11 @@ class _Grid:
         """
         # One width for all frames, so that the frames of a column are aligned.
         numbers_width = max(_width_of_numbers(axes) for axes in self.figure.axes)
+        # All lengths are in inches. The first stack of a row always has a label; the others need room for one only if
+        # one of them has a label.
         inner_stacks = [index for index in range(len(self._stacks)) if index % self._columns != 0]
         inner_label = _LABEL if any(self._is_labelled(index) for index in inner_stacks) else 0.0
+        # The left edge of the first column of frames, and the distance from one column to the next.
         left = _MARGIN + _LABEL + numbers_width
         pitch = frame_width + legend + _GAP + numbers_width + inner_label
         width = left + (self._columns - 1) * pitch + frame_width + max(legend, _MARGIN)
@@ -386,7 +396,9 @@ class _Grid:
         self._write_head(f"{self._result.config.name}: {translate(title)}", lines, head_height)
 
     def _head_lines(self, remark: str, width: float) -> list[_HeadLine]:
-        """Break the remark, and the reason why the run was stopped, into lines.
+        """Break the remark, and the reason why the run was stopped, into lines that fit the width.
+
+        A run that was completed has no reason.
 
         Args:
             remark: a sentence; empty for none.
@@ -402,7 +414,7 @@ class _Grid:
     def _tops_of_frames(self, head_height: float) -> "_Tops":
         """Compute the positions of the upper edges of all frames, under a head of some height [inches]."""
         of_frames: dict[Axes, float] = {}
-        down = head_height
+        down = head_height  # distance from the top of the figure [inches]
         for first in range(0, len(self._stacks), self._columns):
             row = slice(first, first + self._columns)
             row_top = down + _TITLE
@@ -513,7 +525,7 @@ class _Position(NamedTuple):
 
 
 def _set_time_limits(axes: Axes, span: Span) -> None:
-    """Set the limits of the axis of time, with a little room at the right."""
+    """Set the limits of the axis of time to a span, with a little room (4 % of the span) at the right."""
     if span.end > span.begin:
         axes.set_xlim(span.begin, span.begin + 1.04 * (span.end - span.begin))
     else:
@@ -553,7 +565,7 @@ def _write_legend(
 
 
 def _width_of_numbers(axes: Axes) -> float:
-    """Estimated width of the numbers left of a frame, with the tick and its distance [inches]."""
+    """Estimated width of the numbers left of a frame, with the tick and its distance (0.08) [inches]."""
     texts = axes.yaxis.get_major_formatter().format_ticks(list(axes.yaxis.get_majorticklocs()))
     most_digits = max(map(len, texts), default=0)
     return _DIGIT * most_digits + 0.08

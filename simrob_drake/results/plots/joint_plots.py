@@ -87,7 +87,7 @@ class SideGroup:
         return next(iter(self.axes.values()))
 
     def curves(self, values: Vector, label: str, colour: str) -> list[Curve]:
-        """Make the curves of the group.
+        """Make the curves of the group, one for each of its axes.
 
         Args:
             values: values of all axes of the robot, shape (m, n).
@@ -104,7 +104,10 @@ class SideGroup:
 
 
 def side_groups(robot: StationRobot) -> list[SideGroup]:
-    """Group the axes of a robot by sides, in the order of the axes. A pair has the position of its first axis."""
+    """Group the axes of a robot by sides, in the order of the axes. A pair has the position of its first axis.
+
+    If the robot has a pair, its axes without a partner have the side "middle". Otherwise all axes have the side "".
+    """
     groups = []
     for index in range(len(robot.axes)):
         pair = _pair_of(robot, index)
@@ -124,12 +127,20 @@ def side_groups(robot: StationRobot) -> list[SideGroup]:
 
 
 def _pair_of(robot: StationRobot, index: int) -> SideGroup | None:
-    """Find the right and the left axis to which an axis belongs, by its index. Returns None for an axis alone."""
+    """Find the right and the left axis to which an axis belongs, from the names of the axes.
+
+    Returns None for an axis alone, and for two axes of different units.
+
+    Args:
+        robot: the robot.
+        index: index of the axis.
+    """
     sides = ("right", "left")
     words = robot.axes[index].split("_")
     axes = {}
     for side in sides:
-        # Sides are whole words between underscores: "brightness" has no side.
+        # The name with each word "right" or "left" replaced by the side. Sides are whole words between underscores:
+        # "brightness" has no side.
         name = "_".join(side if word in sides else word for word in words)
         if name in robot.axes:
             axes[side] = robot.axes.index(name)
@@ -143,7 +154,7 @@ def _pair_of(robot: StationRobot, index: int) -> SideGroup | None:
 
 
 def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Make the plots of the position of each axis with its reference.
+    """Make the plots of the position of each axis with its reference, in degrees or metres: one stack for each group.
 
     The error, reference minus position, is below. It is left out if the engine moves the axes without forces, since
     then there is none.
@@ -170,7 +181,10 @@ def position_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
 
 
 def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
-    """Make the plots of the torque of each axis, with its limit if that is near."""
+    """Make the plots of the torque (or force) of each axis: one stack for each group.
+
+    A limit that the torque comes near to is drawn. All limits are in a note above the frame.
+    """
     torques = result.axes("tau", robot.name)
     stacks = []
     for group in side_groups(robot):
@@ -185,7 +199,10 @@ def torque_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
 
 
 def _limits_of(group: SideGroup, robot: StationRobot) -> Vector:
-    """Different torque limits of the axes of a group, in ascending order [N·m or N]. They may be infinite."""
+    """Different torque limits of the axes of a group, each once, in ascending order [N·m or N].
+
+    The limit of an axis without a motor is infinite, as is that of a motor without limit.
+    """
     axes = list(group.axes.values())
     return np.unique(robot.gains.judged_limit[axes])
 
@@ -202,7 +219,7 @@ def _limit_curves(torques: Vector, group: SideGroup, robot: StationRobot) -> lis
     limits = _limits_of(group, robot)
     curves = []
     # An infinite limit is never near.
-    for bound in (*limits, *-limits):
+    for bound in (*limits, *-limits):  # upper limits, then lower ones
         largest = (np.sign(bound) * torques[:, axes]).max()  # in the direction of the bound
         if _NEAR * largest >= abs(bound):
             label = message("results.torque_limit", "torque limit")
@@ -211,7 +228,15 @@ def _limit_curves(torques: Vector, group: SideGroup, robot: StationRobot) -> lis
 
 
 def _note_on_limits(group: SideGroup, robot: StationRobot, unit: str) -> str:
-    """Write the torque limits of a group in words: they may be too large for the plot, or missing."""
+    """Write the torque limits of a group in words, such as "limit ±40 N·m": they may be too large for the plot.
+
+    It is "no motor" or "no limit" if that is true of all axes of the group.
+
+    Args:
+        group: the axes.
+        robot: the robot.
+        unit: unit of the limits, N·m or N.
+    """
     axes = list(group.axes.values())
     limits = _limits_of(group, robot)
     if robot.gains.passive[axes].all():
@@ -252,11 +277,16 @@ def tcp_stacks(result: RecordedRun, robot: StationRobot) -> list[Stack]:
     """Make the plots of the tool centre point in the world: x, y, z and Rz, Ry, Rx with their references and errors.
 
     The reference is the pose of the tool if the axes were at their references, and the root link where it is. Each
-    error is the reference minus the value of the same component.
+    error is the reference minus the value of the same component. Errors are left out if the engine moves the axes
+    without forces.
+
+    Args:
+        result: the run.
+        robot: a robot with a tool.
     """
     poses = poses_from_matrices(matrices_from_xyz_quaternions(result.pose("tcp", robot.name)))
     references = poses_from_matrices(reference_tools(result, robot))
-    # No jumps from 180 to -180 degrees.
+    # Poses are rows x y z Rz Ry Rx, in m and rad. No jumps from 180 to -180 degrees.
     poses[:, _ORIENTATION] = np.unwrap(poses[:, _ORIENTATION], axis=0)
     # Otherwise the error of a tool that is near its reference could be 360 degrees.
     references[:, _ORIENTATION] = _nearest(references[:, _ORIENTATION], poses[:, _ORIENTATION])
@@ -328,7 +358,9 @@ def _nearest(angles: Vector, reached: Vector) -> Vector:
         reached: angles to which the result is near, shape (m, 3) [rad].
     """
     # The angles (Rz + pi, pi - Ry, Rx + pi) are the same orientation as (Rz, Ry, Rx), and so are whole turns more.
+    # Both forms, shape (2, m, 3).
     candidates = np.stack([angles, angles * (1.0, -1.0, 1.0) + np.pi])
+    # Whole turns that bring each angle within half a turn of the other angle.
     candidates += 2 * np.pi * np.round((reached - candidates) / (2 * np.pi))
     first_distance, second_distance = np.abs(candidates - reached).sum(axis=2)
     is_second_nearer = (second_distance < first_distance)[:, np.newaxis]
@@ -336,7 +368,7 @@ def _nearest(angles: Vector, reached: Vector) -> Vector:
 
 
 def _in_degrees(poses: Vector) -> Vector:
-    """Poses (m, 6) with their angles Rz, Ry and Rx in degrees instead of radians."""
+    """Convert poses (m, 6), rows x y z Rz Ry Rx, from radians to degrees. Positions stay in m."""
     return np.hstack([poses[:, _POSITION], np.rad2deg(poses[:, _ORIENTATION])])
 
 
@@ -364,7 +396,13 @@ _ARROW_LENGTH = 0.07
 def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
     """Draw x, y and z of a robot's base [m], its tilt and yaw [deg], and its path seen from above.
 
-    The tilt is the angle of the root's z axis from the vertical, and the yaw how far it turned to the left.
+    The tilt is the angle of the root link's z axis from the vertical, and the yaw is how far the robot has turned to
+    the left since the start.
+
+    Args:
+        result: the run.
+        robot: a robot that walks.
+        title: title of the figure, after the name of the station.
     """
     pose = result.pose("base", robot.name)
     heading = headings(result.plant, robot, pose)
@@ -385,6 +423,7 @@ def base_figure(result: RecordedRun, robot: StationRobot, title: str) -> Figure:
     first = figure.axes[0].get_position()
     last = figure.axes[-1].get_position()
     inch = 1 / figure.get_size_inches()[0]  # as a part of the figure's width
+    # Left, bottom, width and height, as parts of the figure: right of the curves, as high as all of them.
     area = (first.x1 + _LEFT * inch, last.y0, (_RIGHT - _LEFT) * inch, first.y1 - last.y0)
     # A run that diverges would make its path a point in an empty frame.
     path = reliable_samples(result, pose[:, :2].T)
@@ -409,6 +448,7 @@ def _draw_path(axes: Axes, path: Vector, heading: Vector) -> None:
     length = _ARROW_LENGTH * width
     along_x = length * np.cos(heading[shown])
     along_y = length * np.sin(heading[shown])
+    # Arrows with the directions and lengths of the axes' units; their width is a part of the width of the frame.
     in_units_of_axes: dict[str, Any] = {
         "angles": "xy",
         "scale_units": "xy",
@@ -441,10 +481,15 @@ def _set_path_limits(axes: Axes, path: Vector) -> float:
     The path is in the middle. In the direction in which it fills the picture more, a tenth of the picture is free on
     each side; a path of a few centimetres leaves more.
 
+    Args:
+        axes: the frame, in its final place.
+        path: x and y of the path, shape (2, m) [m].
+
     Returns:
         the width of the picture [m].
     """
     frame = axes.get_window_extent()
+    # The size of the picture, as parts of its width.
     relative_size = np.array([frame.width, frame.height]) / frame.width
     low = path.min(axis=1)
     high = path.max(axis=1)

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from math import ceil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, UnknownName, one_of
-from simrob_drake.base.files import column_names, read_columns, text_of
+from simrob_drake.base.files import NotRead, column_names, read_columns, text_of
 from simrob_drake.base.frames import Vector
 from simrob_drake.base.messages import join_texts, message, translate
 from simrob_drake.base.yaml_files import parse_json
@@ -42,10 +43,11 @@ _FRAME = (4.6, 1.7)
 
 @dataclass(frozen=True)
 class SavedSignals:
-    """Signals of a result that was saved to a folder.
+    """Signals of a result, as a figure of several results needs them: read from a folder, or taken from a run.
 
     Attributes:
-        name: name in the legend: the folder, and the settings in which the result differs from the others.
+        name: name in the legend, such as the folder with the gains of the first robot, or with the settings in which
+            the result differs from the others.
         times: times of the samples, shape (m,) [s].
         columns: the signals by name, shape (m,) each.
         units: units of the signals by name.
@@ -80,11 +82,16 @@ class SavedSignals:
 def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
     """Read the signals of results. The name of each has the keys in which it differs from the other results.
 
+    A single result has the gains of its first robot in its name instead.
+
+    Args:
+        folders: folders of the results.
+
     Raises:
         InvalidConfig: a folder holds no result, or a damaged one.
     """
     results = [read_signals(folder) for folder in folders]
-    # A single result differs from no other: its name has the gains of its servos instead.
+    # A single result differs from no other; `read_signals` has put its gains into its name.
     if len(results) == 1:
         return results
     names = [
@@ -109,7 +116,7 @@ def read_signals(folder: Path) -> SavedSignals:
         )
         raise InvalidConfig(folder, "", problem)
     # Units are not in the table of signals itself, whose first line has names only.
-    summary = parse_json(text_of(folder / SUMMARY), folder / SUMMARY)
+    summary = read_summary(folder)
     names = column_names(table)
     values, _ = read_columns(table, names)
     columns = {name: values[:, index] for index, name in enumerate(names)}
@@ -118,6 +125,26 @@ def read_signals(folder: Path) -> SavedSignals:
     gains_of_robots = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
     name = join_texts([str(folder), *gains_of_robots[:1]], ": ")
     return SavedSignals(name, times, columns, units=summary.get("units", {}))
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """Read the summary of a result from its folder, the content of ``summary.json``.
+
+    Raises:
+        InvalidConfig: the file is missing, cannot be read, or contains no mapping.
+    """
+    file = folder / SUMMARY
+    try:
+        content = parse_json(text_of(file), file)
+    except NotRead as problem:
+        raise InvalidConfig(
+            file, "", message("base.cannot_be_read", "cannot be read ({problem})", problem=problem)
+        ) from None
+    if not isinstance(content, dict):
+        raise InvalidConfig(
+            file, "", message("base.no_mapping", "must contain a mapping of keys to values")
+        )
+    return content
 
 
 def overlay_figure(
@@ -159,6 +186,7 @@ def overlay_figure(
         titles=names,
         sharex=True,
     )
+    # Not strict, since there may be one frame more than signals.
     for axes, name in zip(frames.flat, names, strict=False):
         _draw_signal(axes, name, results)
     # The frames share their axis of time: only the lowest of each column has its label.
@@ -191,6 +219,7 @@ def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None
             axes.plot(
                 result.times, values, label=label, color=colour, linestyle=line, linewidth=1.4
             )
+    # The unit of a joint's signal shows what it is, such as a torque. Other signals have their unit alone as label.
     quantity = QUANTITIES.get(shown_unit) if _OF_JOINTS.fullmatch(name) else None
     label_of_axis = f"[{shown_unit}]"
     if quantity is not None:
@@ -199,7 +228,11 @@ def _draw_signal(axes: Axes, name: str, results: Sequence[SavedSignals]) -> None
 
 
 def _named_signals(results: Sequence[SavedSignals], patterns: Sequence[str]) -> list[str]:
-    """Names of the signals that patterns match, in the order of the patterns."""
+    """Names of the signals of all results that patterns match, in the order of the patterns, each once.
+
+    Raises:
+        UnknownName: a pattern matches no signal.
+    """
     known = list(dict.fromkeys(name for result in results for name in result.columns))
     found = dict[str, None]()
     for pattern in patterns:
@@ -222,7 +255,7 @@ def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
     known = set(names)
     found: list[str] = []
     for name in moving or positions:
-        # The first "q" that is a whole part of the name, such as in "left.q.joint_1".
+        # The first "q" that is a whole part of the name is replaced: "left.q.joint_1" becomes "left.tau.joint_1".
         torque = re.sub(r"(^|\.)q\.", r"\1tau.", name, count=1)
         found.append(name)
         if torque in known:
@@ -232,10 +265,10 @@ def _signals_of_moving_joints(results: Sequence[SavedSignals]) -> list[str]:
 
 def _is_position(name: str) -> bool:
     """Whether a signal is the position of a joint."""
-    parts = _OF_JOINTS.fullmatch(name)
-    return parts is not None and parts[1] == "q"
+    match = _OF_JOINTS.fullmatch(name)
+    return match is not None and match[1] == "q"
 
 
 def _moves(result: SavedSignals, name: str) -> bool:
-    """Whether a result has a position, by its name, that changes by more than a little."""
+    """Whether a result has a position of this name, and it changes by more than 1e-3 (rad or m)."""
     return name in result.columns and bool(np.ptp(result.columns[name]) > _STILL)

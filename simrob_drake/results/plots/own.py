@@ -1,6 +1,7 @@
 """Plots as files: the plots of a run, and figures of a user's own in the same style.
 
-A *frame* is what Matplotlib calls axes: one plot of a figure. A *sheet* is a figure that is described, but not drawn.
+A *frame* is what Matplotlib calls axes: one plot of a figure. A *stack* is a title with frames below each other. A
+*sheet* is a figure that is described, but not drawn: its name, its title and its stacks.
 """
 
 import textwrap
@@ -85,7 +86,7 @@ def panels(
     titles: Sequence[str] = (),
     **how: Any,
 ) -> tuple[NotebookFigure, npt.NDArray[Any]]:
-    """Make empty frames of one picture in the style of the plots of a run.
+    """Make a figure with empty frames in the style of the plots of a run.
 
     Args:
         title: title of the figure. :func:`save_figure` writes it.
@@ -134,11 +135,11 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
 
 
 def complete_figure(figure: Figure, *, beside: bool = False) -> None:
-    """Write title and legends into a figure, see :func:`save_figure`. A second call replaces those of the first.
+    """Write title and legends into a figure. A second call replaces those of the first.
 
     Args:
-        figure: the figure.
-        beside: whether each frame has a legend at its right.
+        figure: the figure, whose label is its title. Curves without labels are in no legend.
+        beside: whether each frame has a legend at its right. Otherwise the figure has one legend, under its title.
     """
     # A notebook shows a figure that may be saved afterwards: it must not get a second legend.
     for legend in [legend for legend in figure.legends if legend.get_gid() == _LEGEND_MARK]:
@@ -184,7 +185,7 @@ def _write_legend(figure: Figure, title: str, curves: dict[str, Any]) -> None:
 
 @contextmanager
 def as_saved() -> Iterator[None]:
-    """Context manager in which the same plots give the same files.
+    """Context manager in which saving the same plots gives the same files.
 
     A letter that the font does not have is drawn as a box. Matplotlib's warning of it is not shown.
     """
@@ -208,7 +209,7 @@ def _wrap(text: object, width: float, letter_width: float) -> str:
 
 
 def _curves_by_label(frames: Sequence[Axes]) -> dict[str, Any]:
-    """Find the curves of frames that have labels. If several have the same label, the first is in the legend."""
+    """Find the curves of frames that have labels, by label. Of several with the same label, the first counts."""
     curves: dict[str, Any] = {}
     for axes in frames:
         for curve, label in zip(*axes.get_legend_handles_labels(), strict=True):
@@ -308,7 +309,10 @@ class _NamedFigure(NamedTuple):
 
 
 def _figures(result: RecordedRun) -> Iterator[_NamedFigure]:
-    """Yield the plots of a run: those of its robots, then those of its sensors, pieces and blocks."""
+    """Yield the plots of a run: those of its robots, then those of its sensors, pieces and blocks.
+
+    Names and titles contain the robot, unless it is the only one.
+    """
     for robot in result.plant.robots.values():
         end_of_titles = "" if result.config.only_robot else f", {robot.name}"
         # The prefix of a robot is its name with a dot, or nothing for the only robot.
@@ -356,7 +360,11 @@ def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iter
 
 
 def _with_detail(result: RecordedRun, sheet: Sheet) -> Iterator[_NamedFigure]:
-    """Draw a sheet. If the curves of a long run are dense, a second plot shows a part of its middle."""
+    """Draw a sheet, and yield its plot.
+
+    If the run is long (10 s or more) and its curves are dense, yield a second plot, which shows three seconds of the
+    middle of the run. Curves are dense if they go up and down so often that their lines run together.
+    """
     yield _NamedFigure(sheet.name, grid_figure(result, sheet.title, sheet.stacks, **sheet.layout))
     # The first plot of a stack shows the value, the others its error.
     first_plots = [stack.plots[0] for stack in sheet.stacks]

@@ -4,6 +4,9 @@ A part declares a *panel* for each signal that is to be plotted: a title, a labe
 with the same figure name are drawn in one file. There are two forms. Panels of a few quantities are drawn below each
 other. A panel with a value for each axis of a robot is drawn joint by joint, with right and left axes together. In
 both forms, curves that do not change are left out and named in a sentence.
+
+A *sheet* describes such a file. A *quantity* is a column of a panel. A *stack* is a title with plots below each other,
+and a *group* is an axis, or the right and the left axis that share a plot.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -82,7 +85,7 @@ class _Quantity:
         name: name of the curve.
         values: values in the shown unit, shape (m,). They may have NaN.
         unit: the shown unit; "1" for a number without unit.
-        is_required: whether the quantity is drawn even if it is constant.
+        is_required: whether the quantity is drawn even if it is constant. It is False for the outputs of controllers.
     """
 
     name: str
@@ -92,7 +95,7 @@ class _Quantity:
 
     @property
     def change(self) -> float:
-        """Difference of the largest and the smallest value."""
+        """Difference of the largest and the smallest value. NaN and infinite values are ignored."""
         return float(np.ptp(_finite(self.values)))
 
     @property
@@ -164,7 +167,13 @@ def _sheets_of_figure(figure: str, panels: _Panels, result: RecordedRun) -> Iter
 def _quantities_of(signal: Signal, panel: Panel, result: RecordedRun) -> list[_Quantity]:
     """Read the quantities of a signal for its panel, in the units of users.
 
-    A controller has the output zero before its first sample. A jump from there is left out (NaN).
+    A controller has the output zero before its first sample. If the output jumps from there, the first value is
+    replaced by NaN, which is not drawn.
+
+    Args:
+        signal: declaration of the columns, with their units.
+        panel: the panel of the signal.
+        result: the run.
     """
     is_of_controller = signal.role == "own"
     units = dict(zip(signal.names, signal.units, strict=True))
@@ -189,7 +198,10 @@ def _quantities_of(signal: Signal, panel: Panel, result: RecordedRun) -> list[_Q
 
 
 def _robot_of(panel: Panel, result: RecordedRun) -> StationRobot | None:
-    """Find the robot to whose axes the columns of a panel belong. Returns None if there is none, or for few columns."""
+    """Find the robot to whose axes the columns of a panel belong, by the last parts of their names.
+
+    Returns None if there is no such robot, or if the panel has at most four columns: these are drawn in one frame.
+    """
     components = {_component(column) for column in panel.columns}
     if len(components) <= _FEW:
         return None
@@ -202,8 +214,13 @@ def _robot_of(panel: Panel, result: RecordedRun) -> StationRobot | None:
 def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
     """Make the sheet of panels below each other.
 
-    Quantities of controllers that are constant are left out. A sentence has their values, unless all are constant:
-    then all are drawn.
+    Quantities of controllers that are constant are left out. A sentence has their values. If nothing is left to draw,
+    all quantities are drawn.
+
+    Args:
+        name: name of the file without suffix.
+        title: title of the figure.
+        panels: the panels.
     """
     shown = {}
     for panel, quantities in panels.items():
@@ -226,6 +243,7 @@ def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
         if len(quantities) > 1
         for one in quantities
     ]
+    # width of the legend [inches]: a short line, and the longest name
     legend = _HANDLE + _CHARACTER * max(map(len, names), default=0)
     stacks = [_stack(panel, quantities) for panel, quantities in drawn_panels.items()]
     return Sheet(
@@ -234,7 +252,12 @@ def _few_sheet(name: str, title: str, panels: _Panels) -> Sheet:
 
 
 def _constants_in_words(panels: _Panels, shown: _Panels) -> list[str]:
-    """Write the last values of the quantities of panels that are not shown, such as "gain kp 3 N·m"."""
+    """Write the last values of the quantities of panels that are not shown, such as "gain kp 3 N·m".
+
+    Args:
+        panels: all panels.
+        shown: the panels that are drawn, each with its quantities that are drawn.
+    """
     texts: list[str] = []
     for panel, quantities in panels.items():
         drawn = shown.get(panel, ())
@@ -248,8 +271,13 @@ def _constants_in_words(panels: _Panels, shown: _Panels) -> list[str]:
 
 
 def _stack(panel: Panel, quantities: Sequence[_Quantity]) -> Stack:
-    """Make the plots of a panel: one for each unit of its quantities, below each other."""
-    # Later lines are thinner, so that equal curves are all visible.
+    """Make the plots of a panel: one for each unit of its quantities, below each other.
+
+    Args:
+        panel: the panel, with the title and the label of the plots.
+        quantities: the quantities that are drawn.
+    """
+    # Widths of the lines, relative to the usual one. Later lines are thinner, so that equal curves are all visible.
     first_weight = 1.4 if len(quantities) > 1 else 1.0
     curves = []
     for index, (colour, line) in enumerate(looks(len(quantities))):
@@ -272,7 +300,8 @@ def _stack(panel: Panel, quantities: Sequence[_Quantity]) -> Stack:
 def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> Sheet:
     """Make the sheet of a robot's axes: a stack for each axis, or pair of axes, with a plot for each panel.
 
-    Panels without any change, and axes that hardly move, are left out. A sentence names them.
+    Panels without any change, and axes that hardly change in any panel, are left out. A sentence names them. If no
+    panel, or no axis, would be left, none is left out.
 
     Args:
         name: name of the file without suffix.
@@ -324,7 +353,7 @@ def _axes_sheet(name: str, title: str, panels: _Panels, robot: StationRobot) -> 
 
 
 def _moved_axes(panels: _Panels) -> set[str]:
-    """Names of the axes that change in one of the panels, by more than a little of the largest change there."""
+    """Names of the axes that change in one of the panels, by more than 2 % of the largest change in this panel."""
     names = set[str]()
     for quantities in panels.values():
         # Relative to the axis that moves most: under servos, every axis trembles a little.
@@ -338,7 +367,7 @@ def _moved_axes(panels: _Panels) -> set[str]:
 def _axis_plots(group: SideGroup, robot: StationRobot, panels: _Panels) -> list[Plot]:
     """Make a plot of the axes of a group for each panel.
 
-    A panel without these axes has an empty plot, so that all stacks of a row have the same count of plots.
+    A panel without these axes has a plot without visible curves, so that all stacks have the same count of plots.
 
     Args:
         group: the axes.
@@ -348,7 +377,7 @@ def _axis_plots(group: SideGroup, robot: StationRobot, panels: _Panels) -> list[
     plots = []
     for (panel, quantities), colour in zip(panels.items(), cycle(COLOURS), strict=False):
         sample_count = len(quantities[0].values)
-        # Axes without a quantity stay NaN, which is not drawn.
+        # Values of all axes of the robot, shape (m, n). Axes without a quantity stay NaN, which is not drawn.
         values = np.full((sample_count, len(robot.axes)), np.nan)
         unit = quantities[0].unit
         for quantity in quantities:
@@ -362,7 +391,13 @@ def _axis_plots(group: SideGroup, robot: StationRobot, panels: _Panels) -> list[
 
 
 def _label(panel: Panel, unit: str) -> str:
-    """Label of the upright axis, with the unit, such as "force [N]"."""
+    """Label of the upright axis, with the unit, such as "force [N]". The unit "1" is not written.
+
+    Args:
+        panel: the panel. If its label is a plain text such as "force [N]", the unit in brackets is replaced; without
+            brackets the label has no unit.
+        unit: the unit that is shown.
+    """
     if isinstance(panel.label, Message):
         return (
             panel.label

@@ -1,4 +1,8 @@
-"""The pushes and pulls on the bodies of a station during a run, to name the one before which a robot fell."""
+"""The pushes and pulls on the bodies of a station during a run, to name the one before which a robot fell.
+
+A *push* is a force that the station applies to a body for a while. A *pull* is the force of a spring that drags a body
+after a target (`Drag`). A *program* is a sequence of runs that follow each other, recorded as one run with ``runs``.
+"""
 
 from collections.abc import Iterator
 from typing import Any, NamedTuple, TypeAlias
@@ -49,8 +53,12 @@ def last_disturbance(run: Run) -> Disturbance | None:
     """Find the push or pull that began last before the end of a run. Returns None if there is none.
 
     A program cuts a push where another change begins. Its parts count as one push, which began with the first part.
+
+    Args:
+        run: a single run or a program.
     """
     known = dict[str, Disturbance]()  # the latest of each name
+    # The time of a program begins at 0. That of a single run is absolute: it may begin later.
     for single in _single_runs(run, 0.0 if run.runs else run.start_time):
         for name, found in _disturbances_of(single):
             before = known.get(name)
@@ -80,9 +88,10 @@ def _single_runs(run: Run, begin: float) -> Iterator[_SingleRun]:
 
 
 def _disturbances_of(single: _SingleRun) -> Iterator[tuple[str, Disturbance]]:
-    """Yield the names of the pushes and pulls that begin before the end of a run, each with what it is."""
+    """Yield the pushes and pulls that begin before the end of a run, each after its name in the configuration."""
     config = single.run.config
     for name, force in config.forces.items():
+        # Forces of other kinds, such as a sine, are no events with a begin.
         if not isinstance(force, Push | Drag) or force.start >= single.run.stop_time:
             continue
         # Without the key `at`, a force acts on the only robot.

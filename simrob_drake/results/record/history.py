@@ -54,7 +54,8 @@ class Recorder:
 
     Attributes:
         times: time of each record [s].
-        failure: the exception of a watcher, which is no fault of the simulation; None if no watcher failed.
+        failure: the exception of a callback ``watchers`` or ``inspect``, which is no fault of the simulation; None if
+            none of them failed.
     """
 
     def __init__(
@@ -116,7 +117,11 @@ class Recorder:
         simulator.set_monitor(self._record)
 
     def _record(self, context: Context) -> EventStatus:
-        """Record a step and call the callbacks. Returns Drake's status for continuing or for ending the run."""
+        """Record a step and call the callbacks. Returns Drake's status for continuing or for ending the run.
+
+        Every 20 records it also checks for divergence and calls `look`. An exception of a callback is kept as
+        `failure` and raised again.
+        """
         time = context.get_time()
         if self._pace is not None:
             self._pace(context)
@@ -162,7 +167,10 @@ class Recorder:
         del self._discrete[len(self._discrete) - self._discrete_size :]
 
     def look(self) -> bool:
-        """Call the callback `look` with the steps since its last call. Returns True if it ends the run."""
+        """Call the callback `look` with the steps since its last call. Returns True if it ends the run.
+
+        Without a callback, or without new steps, nothing happens and the result is False.
+        """
         if self._look is None or self._shown >= len(self.times):
             return False
         first = self._shown
@@ -177,7 +185,7 @@ class Recorder:
         return bool(_is_sane(np.array(continuous)).all() and _is_sane(np.array(discrete)).all())
 
     def history(self, count: int | None = None) -> "StateHistory":
-        """The recorded states, up to the last one before the first that has diverged, and at least row 0.
+        """The recorded states before the first one that has diverged, and at least row 0.
 
         A state has diverged if a value is NaN, or finite with an absolute value of at least RUNAWAY. Infinite values
         are regular: blocks store them for "not yet".
@@ -207,9 +215,15 @@ class Recorder:
         )
 
     def _matrix(self, values: "array[float]", size: int, first: int, end: int) -> Vector:
-        """Values of some records as a matrix with one row for each record; ``size`` values belong to a record.
+        """Values of some records as a matrix, shape (end - first, size), with one row for each record.
 
         The matrix of all records is a view of the memory, since a long run should not be copied. Others are copies.
+
+        Args:
+            values: values of all records, one record after another.
+            size: count of values of a record.
+            first: index of the first record.
+            end: index after the last record.
         """
         is_everything = first == 0 and end == len(self.times)
         # A slice of an array of the standard library is a copy, unlike one of NumPy.
@@ -235,7 +249,7 @@ def _is_sane(values: Vector) -> Mask:
 
 @dataclass(frozen=True)
 class PlantSlice:
-    """Positions and velocities of a continuous plant, as parts of the continuous state of its diagram."""
+    """Ranges of indices of a continuous plant's positions and velocities in the continuous state of its diagram."""
 
     positions: slice
     velocities: slice
@@ -248,7 +262,7 @@ def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> Pl
 
     Args:
         diagram: the diagram.
-        plant: a direct part of the diagram.
+        plant: the plant, a direct subsystem of the diagram.
         context: a context of the diagram.
     """
     # The continuous state of a diagram consists of those of its systems, in order.
@@ -289,7 +303,7 @@ class StateHistory:
         return {**self.__dict__, "abstract": values}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Restore a pickled history."""
+        """Restore a pickled history: Python objects become Drake's abstract values again."""
         # A frozen dataclass refuses assignments, but not changes of its dict.
         self.__dict__.update(state)
         self.__dict__["abstract"] = [
@@ -304,7 +318,7 @@ class StateHistory:
     def at(self, times: Vector, plant: PlantSlice | None, rates: Rates | None) -> "StateHistory":
         """Compute the states at any times of the run; they are exact at the ends of steps.
 
-        Between two steps, positions of the plant follow a cubic Hermite spline. The rest of the continuous state is
+        Within a step, positions of the plant follow a cubic Hermite spline. The rest of the continuous state is
         interpolated linearly. Discrete and abstract values are those at the end of the step.
 
         Args:
@@ -329,6 +343,7 @@ class StateHistory:
                 end=self.end,
             )
             raise InvalidParameter("time", compound("{time:g} s", time=times[~is_inside][0]), known)
+        # Rows of the end and of the begin of the step in which each time is. At the start of the run both are row 0.
         after = self._after(times)
         before = np.maximum(after - 1, 0)
         # lengths of the steps [s]; 0 for the start of the run
@@ -344,7 +359,8 @@ class StateHistory:
         states = np.where(part == 1, high, low + part * (high - low))
         if plant is not None and rates is not None:
             columns = plant.positions
-            # Many times share a step, and computing rates is slow: compute the rates of each row once.
+            # Many times share a step, and computing rates is slow: compute the rates of each row once. `indices` has,
+            # for all of `before` and then all of `after`, the index of the row among the distinct rows.
             rows, indices = np.unique([before, after], return_inverse=True)
             index_before, index_after = indices.reshape(2, -1)
             rates_of_rows = rates(self.continuous[rows])
@@ -389,7 +405,7 @@ class StateHistory:
         return StateHistory(begin, self.continuous[end], discrete, self._values_at(end))
 
     def _values_at(self, rows: npt.NDArray[np.intp]) -> list[list[AbstractValue]]:
-        """Abstract values of some rows; empty if the diagram has no abstract values."""
+        """Abstract values of some rows, one list for each row; empty if the diagram has no abstract values."""
         return [self.abstract[row] for row in rows] if self.abstract else []
 
     def _after(self, times: Vector) -> npt.NDArray[np.intp]:
@@ -436,7 +452,7 @@ class StateHistory:
         )
 
     def rows(self, part: slice) -> "StateHistory":
-        """The states of some rows, as views of the same memory."""
+        """The states of a range of rows, as views of the same memory."""
         groups = [group[part] for group in self.discrete]
         return StateHistory(self.times[part], self.continuous[part], groups, self.abstract[part])
 
@@ -465,7 +481,10 @@ def python_value(value: AbstractValue) -> Any:
 
 
 def _plain_value(value: AbstractValue) -> tuple[Any, bool]:
-    """Object in an abstract value, and whether it is declared as any Python object instead of a type of Drake's."""
+    """Object in an abstract value, and whether the value is declared as any Python object, not as a type of Drake's.
+
+    The object is None if Python cannot read it.
+    """
     return python_value(value), isinstance(value, Value[object])
 
 

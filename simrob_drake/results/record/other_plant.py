@@ -25,8 +25,9 @@ def positions_in(station: StationPlant, run: Run, times: Vector) -> Vector:
         times: times within the run, shape (k,) [s].
     """
     recorded: Vector = run.positions_at(times)
-    own: StationPlant = run.plant
+    own: StationPlant = run.plant  # the plant of the run itself
     if not own.is_shared:
+        # Both plants contain the station alone, so their joints are the same, in the same order.
         return recorded
     # Joints have the same names in both plants, once the prefix of the station in the shared plant is removed.
     recorded_positions = {joint.name: joint.positions for joint in joints_of(own.plant, own.scope)}

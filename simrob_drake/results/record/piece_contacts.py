@@ -81,9 +81,9 @@ def _evaluated_samples(times: Vector) -> Indices:
         times: times of all samples, shape (m,) [s].
     """
     duration = float(times[-1] - times[0])
-    # Both bounds as counts; the larger distance between evaluations satisfies both.
+    # Both bounds as counts of evaluations in the run; the smaller count satisfies both.
     evaluations = min(EVALUATION_RATE * duration, float(MOST_EVALUATIONS))
-    # a short run has one evaluation at least
+    # Rounded up, so that no bound is exceeded. A short run has one evaluation at least.
     step = int(np.ceil(len(times) / max(evaluations, 1.0)))
     return np.arange(0, len(times), max(step, 1))
 
@@ -130,7 +130,7 @@ def _contact_sample(
 
 
 def _friction(station: StationPlant, first: GeometryId, second: GeometryId) -> float:
-    """Static friction coefficient between two shapes.
+    """Static friction coefficient between two collision shapes, which both have contact properties.
 
     Drake combines the coefficients of two surfaces as m = 2 m1 m2 / (m1 + m2), and takes 0 if both are 0.
     """

@@ -75,12 +75,15 @@ def pickled_fields(run: Run) -> dict[str, Any]:
 
 
 def has_layout_of_station(run: Run) -> bool:
-    """Whether the recorded states of a run may be those of a diagram of its station alone."""
+    """Whether the recorded states of a run may be those of a diagram of its station alone.
+
+    Programs and other engines record no states. A diagram of the user's own has states of further blocks.
+    """
     return run.trace is not None and not run.in_own_diagram
 
 
 def _recorded_motion(run: Run) -> RecordedMotion:
-    """Positions of the plant at the samples and at the ends of the steps of a run."""
+    """Positions of the plant at the samples and at the ends of the steps of a run, for the plant that is rebuilt."""
     # Positions are then exact at all samples and steps, and interpolated between them.
     times = np.union1d(run.times, run.step_times)
     is_inside = (times >= run.start_time) & (times <= run.stop_time)
@@ -145,7 +148,10 @@ class RebuiltRun:
         """Positions of the plant (k, nq) at times (k,) [s] of the run.
 
         They are the original ones to the last bit if the diagram of the station could be built again. Otherwise they
-        are interpolated linearly between the samples.
+        are interpolated linearly between the times of the recorded motion.
+
+        Raises:
+            SimrobError: the run has no recorded motion, and its states do not fit the diagram that was built again.
         """
         # The recorded states, or else the recorded motion.
         sampler = self._sampler
@@ -164,7 +170,11 @@ class RebuiltRun:
         return np.column_stack(columns)
 
     def _contacts_at(self, times: Vector) -> Iterator[ContactResults]:
-        """Yield Drake's contact results at times (k,) [s] of the run."""
+        """Yield Drake's contact results at times (k,) [s] of the run.
+
+        Raises:
+            SimrobError: the run has no recorded states that fit the diagram that was built again.
+        """
         if self._sampler is None:
             raise self._error_of_lost(message("results.contacts_of_pickled", "contact forces"))
         yield from self._sampler.contact_results(times)
@@ -199,9 +209,12 @@ class RebuiltRun:
 
     @cached_property
     def _station(self) -> "ClosedStation":
-        """The station, built again with the references of the run.
+        """The station, built again with the references of the run, when it is first used.
 
         It has no blocks of the user's own if one of these cannot be made.
+
+        Raises:
+            SimrobError: the station cannot be built again even so.
         """
         config = self._run.config
         try:

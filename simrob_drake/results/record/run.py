@@ -279,6 +279,9 @@ class RecordedRun:
             """Make the fields that were not pickled again, when one of them is first used.
 
             Python calls this method for attributes that it does not find.
+
+            Raises:
+                AttributeError: a result has no attribute of this name; proposes the nearest one.
             """
             if name not in REBUILT or "_pickled" not in self.__dict__:
                 raise AttributeError(_no_attribute(type(self), name), name=name, obj=self)
@@ -333,9 +336,17 @@ class RecordedRun:
         return self._columns(f"{station_robot.prefix}{signal}", station_robot.axes)
 
     def pose(self, signal: str, robot: str | None = None) -> Vector:
-        """Pose signal ``base`` or ``tcp`` of a robot, shape (m, 7): x y z [m] qw qx qy qz, in the world.
+        """Pose signal ``base`` (root link) or ``tcp`` (tool) of a robot, shape (m, 7): x y z [m] qw qx qy qz.
 
-        The robot is given as in :meth:`axes`.
+        Poses are in the world.
+
+        Args:
+            signal: ``base`` or ``tcp``.
+            robot: name of the robot; may be None if the station has only one.
+
+        Raises:
+            UnknownName: there is no such robot, or it has no such signal, as a robot without a tool.
+            InvalidParameter: the robot is None, and the station has several.
         """
         station_robot = self._robot(robot)
         return self._columns(f"{station_robot.prefix}{signal}", XYZ_QUATERNION_NAMES)
@@ -401,7 +412,8 @@ class RecordedRun:
         """
         found = {}
         for name, section in self.config.controllers.items():
-            # The times are kept in the block's discrete state, so that a continued run keeps them.
+            # The times are kept in the block's discrete state, so that a continued run keeps them. Controllers that
+            # are no sequencers have no such times: None.
             block = self.final_state.blocks.get(f"controller.{name}")
             times = None if block is None else section.cell_times(block.discrete)
             if times is not None:
@@ -417,7 +429,11 @@ class RecordedRun:
         return self.at_place(move_title(index))
 
     def at_place(self, place: str) -> Self:
-        """Copy the run, with its moves named by their place in a program, such as ``move 3``."""
+        """Copy the run, with another name for the run's move, and for all of its `moves`.
+
+        Args:
+            place: name of the move in its program, such as ``move 3``.
+        """
         # Warnings about a move contain its name, so the moves get the name as well.
         moves = tuple(replace(move, place=place) for move in self.moves)
         return replace(self, place=place, moves=moves)
@@ -444,7 +460,11 @@ class RecordedRun:
 
     @property
     def end_in_words(self) -> str:
-        """End of the run in words: the monitor that ended it, or a fall with the push before it."""
+        """End of the run in words.
+
+        For a run that a monitor ended, it is the monitor with its reason; for a fall, the reason and the push or pull
+        that came shortly before it. For other runs it is their `message`.
+        """
         if self.ending != "monitor":
             return self.message
         if robot_that_fell(self) is None:
@@ -475,7 +495,10 @@ class RecordedRun:
 
     @property
     def speed_in_words(self) -> str:
-        """Speed of the run as a multiple of real time, and its count of steps, in words; see `realtime_rate`."""
+        """Speed of the run as a multiple of real time, and its count of steps, in words.
+
+        The speed is left out if it is 0, as in a run that ended at its start.
+        """
         rate = self.realtime_rate
         steps = message(
             "results.steps", "{count} {count:step|steps}", count=len(self.step_times) - 1
@@ -498,7 +521,11 @@ class RecordedRun:
         return {name: index for index, name in enumerate(self.names)}
 
     def _columns(self, signal: str, parts: Iterable[str]) -> Vector:
-        """Columns of a signal, shape (m, k): one for each part, such as an axis, with the name ``<signal>.<part>``."""
+        """Columns of a signal, shape (m, k): one for each part, such as an axis, with the name ``<signal>.<part>``.
+
+        Raises:
+            UnknownName: there is no such column.
+        """
         known = self._indices
         # The search for the nearest name is slow, so it is done for unknown names only.
         indices = []
@@ -511,7 +538,12 @@ class RecordedRun:
         return np.take(self.values, indices, axis=1)
 
     def _robot(self, name: str | None) -> StationRobot:
-        """Robot by its name, or the only robot if the name is None."""
+        """Robot by its name, or the only robot if the name is None.
+
+        Raises:
+            UnknownName: there is no such robot.
+            InvalidParameter: the name is None, and the station has not exactly one robot.
+        """
         return self.plant.robots[name_or_only(name, list(self.plant.robots))]
 
 
@@ -551,16 +583,22 @@ def at_time_of_program(stop: str, begin: float) -> str:
 
 
 def begins_of(*runs: RecordedRun) -> Vector:
-    """Times at which runs that follow each other begin, and the end of the last run [s], shape (k + 1,)."""
+    """Times at which k runs that follow each other begin, and the end of the last run, shape (k + 1,) [s].
+
+    Times count from the begin of the first run.
+    """
     return np.cumsum([0.0, *(run.simulated_time for run in runs)])
 
 
 def robot_that_fell(result: RecordedRun) -> str | None:
-    """Name of the robot whose fall ended a run, or None if the run did not end by a fall."""
+    """Name of the robot whose fall ended a run.
+
+    Returns None if the run did not end by a fall, or if the fall was that of a piece.
+    """
     # Imported here: the kinds of monitors are loaded only if they are needed.
     from simrob_drake.parts.monitors.sections import Fall
 
-    # Monitors of other kinds, and blocks that failed, are no falls.
+    # `stopped_by` names a monitor or a user's block, or it is None. Only a monitor of the kind `fall` counts.
     monitor = result.config.monitors.get(result.stopped_by or "")
     return monitor.faller(result.config.only_robot) if isinstance(monitor, Fall) else None
 
@@ -595,8 +633,8 @@ def all_events(result: RecordedRun) -> list[Event]:
 
 
 def events_of(result: RecordedRun) -> list[Event]:
-    """Select the most important events of :func:`all_events`, at most two dozen, far enough apart for a picture."""
-    # The gap grows step by step, since events are not spread evenly.
+    """Select the most important events of :func:`all_events`, at most 24, far enough apart for a picture."""
+    # The smallest time between two events grows until few enough are left: events are not spread evenly.
     everything = all_events(result)
     share = _LEAST_GAP
     events = _events_apart(everything, share * result.simulated_time)
@@ -621,7 +659,8 @@ def _events_apart(everything: list[Event], gap: float) -> list[Event]:
     for event in everything:
         is_far_enough = not events or event.time - events[-1].time > gap
         is_end = event.time == end
-        # Texts of contacts have "touches" instead, and those of moves "ends".
+        # A piece that is handed over has a text such as "rook to gripper". Texts of contacts have "touches" instead,
+        # and those of moves "ends".
         is_hand_over = " to " in event.text
         # The start of the run is the first event. It stays, even if a piece is handed over right after it.
         may_replace = len(events) > 1

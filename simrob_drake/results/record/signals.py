@@ -3,6 +3,9 @@
 While a run is stepped, only its states are recorded, see `StateHistory`. A `Sampler` evaluates output ports of the
 station at any time of the run: it sets a context of the diagram to a recorded state, or to one between two of them.
 
+A *held* port has one value for each step of the solver, which is kept over the whole step: a scheme that freezes the
+inputs of the plant applies this value. The values of all other ports may change within a step.
+
 A *monitor* is a condition that ends a run, such as the fall of a robot. It changes nothing, so it is not part of the
 diagram that is stepped. A `Watch` evaluates the monitors from the recorded states every few steps. A run that ends is
 then cut at the time at which the condition was met, see `cut_at_stop`.
@@ -30,7 +33,7 @@ class Sampler:
 
     Attributes:
         diagram: the diagram that contains the station.
-        memo: results that users of the sampler keep; emptied when the history changes.
+        memo: a cache in which callers keep results that depend on the history; emptied when the history changes.
     """
 
     def __init__(
@@ -153,7 +156,15 @@ class Sampler:
     def _evaluate_with_drake(
         self, ports: Sequence[OutputPort], states: StateHistory
     ) -> dict[OutputPort, Any]:
-        """Evaluate ports with Drake, by setting the context to each of the states. Results as of :meth:`evaluate`."""
+        """Evaluate ports with Drake, by setting the context to each of the states.
+
+        Args:
+            ports: output ports of the diagram.
+            states: the states, k rows.
+
+        Returns:
+            the values of each port: an array (k, size), or a list of k values of an abstract port.
+        """
         if not ports:
             return {}
         # References of trajectories are set in the diagram, which may have run with other ones since.
@@ -166,8 +177,8 @@ class Sampler:
             is_vector = port.get_data_type() == PortDataType.kVectorValued
             values[port] = np.empty((count, port.size())) if is_vector else [None] * count
             contexts[port] = port.get_system().GetMyContextFromRoot(self._context)
-        # All ports of a row in turn: setting the context is slow, and ports of the same row share what Drake
-        # caches.
+        # All ports at one state, then all at the next: setting the context is slow, and the ports share what Drake
+        # caches for a state.
         for row in range(count):
             states.put(row, self._context)
             for port in ports:
@@ -175,7 +186,9 @@ class Sampler:
         return values
 
     def _value(self, port: OutputPort, context: Context) -> Any:
-        """Evaluate one port. Returns NaN if the block fails and the sampler is tolerant.
+        """Evaluate one port. Returns a copy of its value, or NaN if the block fails and the sampler is tolerant.
+
+        If the sampler is not tolerant, the error of the block is raised.
 
         Args:
             port: the port.
@@ -196,9 +209,9 @@ class Sampler:
         return self._context
 
     def cut(self, time: float) -> None:
-        """Remove the states after a time [s] from the history, and make the sampler tolerant.
+        """End the history at a time [s], with the interpolated state there, and make the sampler tolerant.
 
-        This is for a run in which a block failed: from then on, its values become NaN instead of the same error.
+        This is for a run in which a block failed: values that cannot be evaluated become NaN instead of the same error.
         """
         end = self._at(np.array([time]))
         self.history = self._history.with_end(end)
@@ -264,7 +277,9 @@ def _recorded_groups(diagram: Diagram, root: Context) -> dict[OutputPort, int]:
     # Index of the first group of each system: the groups of a diagram are those of its systems, in order.
     first_group = 0
     for system in diagram.GetSystems():
-        own = dict[OutputPort, int]()
+        own = dict[
+            OutputPort, int
+        ]()  # ports of this system, with the index of the group within the system
         if isinstance(system, Diagram):
             own = _recorded_groups(system, root)
         if isinstance(system, SampledBlock) or system.get_name().rpartition(".")[2] == "plant":
@@ -297,7 +312,7 @@ def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
         column_count = columns.stop
     values = np.empty((len(times), column_count))
 
-    # Most signals are values of an output port. Some times at once, to save memory.
+    # Most signals are values of an output port. They are evaluated for a part of the times at once, to save memory.
     ports = {
         signal.output: site.outputs[signal.output]
         for signal in site.outputs.signals
@@ -315,10 +330,11 @@ def sample_signals(sampler: Sampler, site: Site, times: Vector) -> Vector:
                 )
     # The others need the whole run.
     for signal, columns in columns_of_signals:
-        # A sensor outside of all loops is replayed over all samples, since its noise and its delay depend on the
-        # samples before.
+        # A sensor whose output no block uses is not stepped. It is replayed over all samples, since its noise and its
+        # delay depend on the samples before.
         if signal.compute is not None:
             values[:, columns] = signal.compute(sampler, times)
+        # A signal may be a port's values with a change that depends on the time or on other ports.
         elif signal.adjust is not None:
             values[:, columns] = signal.adjust(sampler, times, values[:, columns])
     return values
@@ -340,7 +356,7 @@ class Stop:
 
     Attributes:
         name: name of the monitor.
-        count: count of records up to the end of the run.
+        count: count of recorded states up to the end of the run, including the start.
         onset: the condition has been met since this time [s].
         why: the reason, in words.
     """
@@ -391,6 +407,8 @@ class Watch:
         Args:
             steps: states at the ends of these steps.
         """
+        # A trigger is a monitor's condition with the time for which it must hold before it ends the run. An onset is
+        # the time since which the condition holds; NOT_YET if it does not.
         # All monitors at once, so that a port that several of them watch is evaluated once.
         ports_of_monitors = {name: self._ports(name) for name in self._site.outputs.monitors}
         all_ports = set[OutputPort]().union(*ports_of_monitors.values())
@@ -410,6 +428,8 @@ class Watch:
 
     def _values(self, ports: Collection[OutputPort], steps: StateHistory) -> dict[OutputPort, Any]:
         """Evaluate ports at the ends of steps. Held ports get the values that the solver kept over these steps.
+
+        The last steps are kept for the next call, if there are held ports.
 
         Args:
             ports: ports of the station.
@@ -461,8 +481,8 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
     Args:
         sampler: the run, whose history is changed.
         holds: evaluates the condition of the monitor.
-        step: steps the motion again.
-        onset: recorded time since which the condition is met [s].
+        step: steps the motion again, from the last recorded state before a time to that time.
+        onset: the first recorded time of the last, uninterrupted span in which the condition is met [s].
         hold: how long the condition must be met before it ends the run [s].
     """
     recorded = sampler.history
@@ -478,7 +498,15 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
 
 
 def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, hold: float) -> None:
-    """Shorten the history so that it ends when the condition has been met for the time ``hold`` [s]."""
+    """Shorten the history so that it ends when the condition has been met for the time ``hold`` [s].
+
+    Args:
+        sampler: the run, whose history is changed.
+        holds: evaluates the condition of the monitor.
+        step: steps the motion again, from the last recorded state before a time to that time.
+        onset: the first recorded time of the last, uninterrupted span in which the condition is met [s].
+        hold: how long the condition must be met before it ends the run, more than 0 [s].
+    """
     recorded = sampler.history
     # A condition that must be met for a while began long before the end of the run, in a step that need not be
     # refined: an error of a part of a step is small compared to that while.
@@ -489,7 +517,13 @@ def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, ho
 
 
 def _cut_at_onset(sampler: Sampler, holds: Holds, step: Step) -> None:
-    """Shorten the last step of the history until it is short and the condition is met only at its end."""
+    """Shorten the last step of the history until it is at most TOLERANCE long and the condition is met only at its end.
+
+    Args:
+        sampler: the run, whose history is changed. The condition is met at its end.
+        holds: evaluates the condition of the monitor.
+        step: steps the motion again, from the last recorded state before a time to that time.
+    """
     while sampler.history.end - sampler.history.times[-2] > TOLERANCE:
         # The old end is kept, since it is the only state at which the condition is known to be met.
         end = sampler.history.last()

@@ -102,7 +102,7 @@ class BlockState:
 
 
 def _json_value(value: Any) -> Any:
-    """Check an abstract value. Returns the value, or None if JSON cannot write it."""
+    """Check an abstract value. Returns the value, or None if JSON cannot write it or would read it as another one."""
     try:
         # Tuples come back as lists, and keys as strings: such a value would be another one after reading.
         return value if json.loads(json.dumps(value)) == value else None
@@ -182,7 +182,7 @@ class Trace:
     free_row: int
 
     def last(self, count: int) -> "Trace":
-        """Copy the last states of the trace: up to ``count`` states before ``free_row``, and all after it."""
+        """Copy the end of the trace: row ``free_row``, up to ``count`` states before it, and all after it."""
         first_row = max(self.free_row - count, 0)  # a short run has fewer rows
         history = self.history.last(len(self.history.times) - first_row)
         return replace(self, history=history, free_row=self.free_row - first_row)
@@ -273,7 +273,7 @@ class State:
         """Copy the state, with the last steps of the run that ended in it.
 
         Args:
-            trace: the run; None if it cannot be continued.
+            trace: states of the run. If it is None, since the run cannot be continued, the state is returned as it is.
         """
         if trace is None:
             return self
@@ -388,7 +388,8 @@ class State:
     def of_plant(self, station: StationPlant) -> "PlantState":
         """Compute positions and velocities of a station's plant.
 
-        Joints that the state does not have keep their default positions and velocities.
+        Joints that the state does not have keep their default positions and velocities. The context of the station is
+        not changed.
 
         Raises:
             InvalidParameter: a joint has the same name but another size, or a quaternion does not have length 1.
@@ -415,7 +416,13 @@ class State:
         return PlantState(positions=q, velocities=v)
 
     def with_axes(self, robot: ResolvedRobot, positions: Vector, velocities: Vector) -> "State":
-        """Copy the state, with other positions and velocities (n,) of a robot's axes."""
+        """Copy the state, with other positions and velocities of a robot's axes.
+
+        Args:
+            robot: the robot.
+            positions: positions of its axes, shape (n,) [rad or m].
+            velocities: velocities of its axes, shape (n,) [rad/s or m/s].
+        """
         # The joints of the axes are left out: in `of_plant` they would overwrite the new positions.
         joints_of_axes = {axis.joint for axis in robot.model.axes.values()}
         joints = {}
@@ -614,7 +621,7 @@ def _block_state(context: Context) -> BlockState | None:
 
 
 def _put_block(system: System, state: BlockState, root: Context) -> None:
-    """Set a block to a state.
+    """Set a block to a state. An abstract value that is None in the state is not set.
 
     Args:
         system: the block.

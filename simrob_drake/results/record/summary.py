@@ -25,7 +25,8 @@ _MOST_SPANS = 3
 
 
 def remarks_of(run: RecordedRun) -> list[str]:
-    """Remarks of a station's controllers about a run, or about all runs of a program."""
+    """Remarks of a station's controllers about a run, or about all runs of a program, in order."""
+    # The parts of a program are its runs; a single run is its own part. The last entry is the end of the last part.
     begins = begins_of(*run.parts)[:-1] + run.start_time
     remarks: list[str] = []
     for begin, part in zip(begins.tolist(), run.parts, strict=True):
@@ -180,9 +181,11 @@ def _locomotion(run: RecordedRun) -> dict[str, Any] | None:
 
 
 def _motors(run: RecordedRun) -> dict[str, dict[str, float | None]]:
-    """Parameters of each motor and its largest torque and speed in the run, by the name of its axis.
+    """Parameters of each motor and its largest absolute torque and speed in the run, by the name of its axis.
 
-    How much of its torque a motor used, and how warm it became, is in the verdict.
+    Torques are in N·m (N for axes that slide), speeds in rad/s (m/s), both after the gear. Axes without data of a motor
+    are left out. The rated torque is None if it is not known. How much of its torque a motor used, and how warm it
+    became, is in the verdict.
     """
     found = dict[str, dict[str, float | None]]()
     for name, robot in run.plant.robots.items():
@@ -203,7 +206,7 @@ def _motors(run: RecordedRun) -> dict[str, dict[str, float | None]]:
 
 
 def _peak_forces(run: RecordedRun) -> dict[str, float]:
-    """Largest magnitude of each contact force [N], by the name of the sensor."""
+    """Largest magnitude of each contact force in the run [N], by the name of the sensor that measures the force."""
     recorded = set(run.names)
     peaks = {}
     for signal in run.signals:
@@ -216,11 +219,13 @@ def _peak_forces(run: RecordedRun) -> dict[str, float]:
 
 
 def _columns(run: RecordedRun, signal: str) -> dict[str, Vector]:
-    """Samples of a signal (m,) by the name of the axis, with the robot's prefix.
+    """Samples of a signal (m,) of all axes of all robots, by the name of the axis.
+
+    The name begins with the robot's prefix, which is empty in stations with one robot.
 
     Args:
         run: the run.
-        signal: name of the signal, such as ``tau``.
+        signal: ``q`` (position) or ``tau`` (torque or force).
     """
     columns = {}
     for robot in run.plant.robots.values():
@@ -230,9 +235,9 @@ def _columns(run: RecordedRun, signal: str) -> dict[str, Vector]:
 
 
 def _final_pose(run: RecordedRun, signal: str) -> Any:
-    """Last pose vector of a signal: a list, or in stations of several robots a dict by robot.
+    """Last pose vector [x y z Rz Ry Rx] of a signal: a list, or in stations of several robots a dict by robot.
 
-    Robots without the signal are left out. The only robot of a station without the signal gives None.
+    Robots without the signal are left out. If the only robot of a station has no such signal, the result is None.
 
     Args:
         run: the run.

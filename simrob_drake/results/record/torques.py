@@ -8,10 +8,18 @@ from simrob_drake.results.record.run import RecordedRun
 
 
 def torque_shares(run: RecordedRun, robot: StationRobot) -> Vector:
-    """Torques of a robot's axes as shares of what their motors can give, at all samples, shape (m, n).
+    """Absolute torques of a robot's axes as shares of what their motors can give.
 
     The motor of a dynamic station may have a torque that falls with its speed; otherwise the limit of the servo counts.
-    The shares of fingers are 0: fingers press on what they hold as hard as they may.
+    The shares of fingers are 0: fingers press on what they hold as hard as they may. So are those of axes without a
+    motor, whose limit counts as infinite.
+
+    Args:
+        run: a run of the robot's station.
+        robot: the robot.
+
+    Returns:
+        the shares of n axes at m samples, shape (m, n). 1 is all that the motor can give.
     """
     torque = run.axes("tau", robot.name)
     if run.config.engine.moves_by_forces:

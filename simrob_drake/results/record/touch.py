@@ -65,7 +65,9 @@ def onsets(
     step_times: Vector,
     contacts_at: Callable[[Vector], Iterator[ContactResults]],
 ) -> Iterator[Event]:
-    """Yield an event whenever two bodies begin to touch. Bodies that touch at the start of the run have none there.
+    """Yield an event whenever two bodies begin to touch, in the order of time.
+
+    Bodies that touch at the start of the run have no event there.
 
     Args:
         station: the plant of the run.
@@ -195,7 +197,7 @@ class Touch:
         times: times of the looks, shape (m,) [s].
         rate: rate of the looks [Hz].
         depths: the deepest overlap of each pair of bodies. Of several overlaps at one look only the deepest counts.
-        slides: slides of each foot.
+        slides: slides of each foot of the robots that can walk.
     """
 
     times: Vector
@@ -212,6 +214,8 @@ def evaluate_touch(
     context_of: Callable[[], Context] | None,
 ) -> Touch:
     """Compute overlaps and slides of a run.
+
+    Overlaps are left out for stations without contact forces, slides for robots that cannot walk.
 
     Args:
         config: configuration of the station in the run.
@@ -287,9 +291,9 @@ def _keep_deepest(
 
 
 def _overlapping_bodies(station: StationPlant, shapes: ShapePair) -> OverlappingBodies:
-    """Names of the bodies to which two shapes belong."""
+    """Names of the bodies to which two shapes belong: of pieces, of links, or ``floor``."""
     names = [owner_and_robot(station, shape)[0] for shape in shapes]
-    # False comes before True, so the floor is the last one.
+    # In alphabetical order, but for the floor: False comes before True, so the floor is the last one.
     first, second = sorted(names, key=lambda name: (name == FLOOR, name))
     return OverlappingBodies(first, second)
 
@@ -297,10 +301,10 @@ def _overlapping_bodies(station: StationPlant, shapes: ShapePair) -> Overlapping
 def _slides_of(
     robot: StationRobot, station: StationPlant, positions: Vector
 ) -> dict[FootName, Slide]:
-    """Compute how each foot of a robot slides.
+    """Compute how each foot of a robot slides. Returns an empty dict if the robot has no feet.
 
     Args:
-        robot: a robot with feet.
+        robot: the robot.
         station: the plant with the robot.
         positions: positions of the plant at the looks, shape (m, nq).
     """
@@ -336,15 +340,18 @@ def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide
     The foot slides by the length of the part of :math:`d` along the floor, on average over the points that touch. So a
     foot that rolls does not slide.
 
+    In the shapes below, m is the count of looks and k the count of contact points of the foot.
+
     Args:
         feet: the contact shapes of the robot's feet.
         link: name of the link that is the foot.
         ground: the ground, whose floor may be inclined.
-        poses: poses of the link in the world, shape (m, 4, 4).
+        poses: poses of the link in the world at the looks, shape (m, 4, 4).
     """
     # Poses in the floor's axes, whose z axis is normal to the floor. Both frames have the same origin.
     floor_to_world = ground.floor_pose.rotation().matrix()
     poses_in_floor = np.array(poses)
+    # The transpose of the rotation turns world axes to floor axes; "ji" sums over the rows, as the transpose does.
     poses_in_floor[:, :3] = np.einsum("ji,mjk->mik", floor_to_world, poses[:, :3])
     rotations = poses_in_floor[:, :3, :3]
     origins = poses_in_floor[:, :3, 3]
@@ -375,7 +382,10 @@ def _slide(feet: FootContact, link: str, ground: Ground, poses: Vector) -> Slide
 
 
 def robots_that_can_walk(config: StationConfig, station: StationPlant) -> list[StationRobot]:
-    """Robots of a station that have feet, a base that moves freely, and joints that are moved by torques."""
+    """Robots of a station that have feet, a base that moves freely, and joints that are moved by torques.
+
+    Empty for a kinematic station, which prescribes the joints.
+    """
     if not config.engine.moves_by_forces:
         return []
     return [

@@ -55,11 +55,12 @@ class Locomotion:
         yaw: angle by which the robot turned to the left [rad]; a whole turn counts as 2 pi.
         tilt: largest angle between the z axis of the base and the vertical [rad].
         smallest_height: smallest height of the base over the ground beneath it [m].
-        fall_time: time at which a monitor of falls ended the run [s]; None if it did not.
-        peak_torque: largest torque, as a share of what the motor can give.
-        saturated: share of the samples at which a joint is at its limit, for the joint that is there most often.
+        fall_time: time at which a monitor of falls of this robot ended the run [s]; None if no such monitor did.
+        peak_torque: the axis and the sample with the largest share of what the motor can give.
+        saturated: share of the samples at which a motor gives all the torque that it can, for the motor that does so
+            most often.
         work: mechanical work of the motors [J], see :func:`mechanical_work`.
-        cost_of_transport: work divided by weight and distance; None if the distance is shorter than 1 cm.
+        cost_of_transport: work divided by weight and distance; None if the distance is not longer than 1 cm.
         foot_slip: distance that each foot slid over the ground, by the name of its link [m].
     """
 
@@ -130,7 +131,7 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
         smallest_height=float(heights.min()),
         fall_time=result.stop_time if robot_that_fell(result) == name else None,
         peak_torque=_peak_torque(result, station_robot, shares),
-        # The share of the samples at the limit for each axis; the largest of them.
+        # The share of the samples at the limit (0.999 of it, because of rounding) for each axis; the largest of them.
         saturated=float((shares > AT_LIMIT).mean(axis=0).max()),
         work=work,
         cost_of_transport=_cost_of_transport(result, station_robot, work, distance),
@@ -139,12 +140,12 @@ def locomotion(result: RecordedRun, robot: str | None = None) -> Locomotion:
 
 
 def _peak_torque(result: RecordedRun, robot: StationRobot, shares: Vector) -> PeakTorque:
-    """Find the largest torque, as a share of what the motor can give.
+    """Find the axis and the sample at which a motor gave the largest share of what it can give; the first of equals.
 
     Args:
         result: the run.
         robot: the robot.
-        shares: torques as shares of what the motors can give, shape (m, n).
+        shares: torques as shares of what the motors can give, at m samples and n axes, shape (m, n).
     """
     # The axis with the largest share, then the sample at which it has it.
     axis = int(np.argmax(shares.max(axis=0)))
@@ -221,7 +222,9 @@ def headings(station: StationPlant, robot: StationRobot, base: Vector) -> Vector
 
 
 def _tools_at_zero(station: StationPlant, robot: StationRobot, side: str) -> list[Vector]:
-    """Positions (3,) of tools in the frame of the robot's base, at zero joint angles [m].
+    """Positions (3,) of tool frames in the frame of the robot's base, at zero joint angles [m].
+
+    The list is empty if the robot has no tool with such a name.
 
     Args:
         station: the plant with the robot.
@@ -239,6 +242,10 @@ def mechanical_work(result: RecordedRun, robot: str) -> float:
     r"""Mechanical work of a robot's motors in a run, :math:`\int \sum_i |\tau_i \dot q_i| \, dt` [J].
 
     Joints that brake give no energy back, hence the absolute value. The integral is that of trapezoids between samples.
+
+    Args:
+        result: the run.
+        robot: name of the robot, all of whose axes count.
     """
     # Power of all joints [W], shape (m,).
     power = np.abs(result.axes("tau", robot) * result.axes("v", robot)).sum(axis=1)
@@ -246,7 +253,10 @@ def mechanical_work(result: RecordedRun, robot: str) -> float:
 
 
 def foot_slip(result: RecordedRun, robot: str) -> dict[str, float]:
-    """Distance that each foot of a robot slid over the ground in a run, by the name of the foot's link [m]."""
+    """Distance that each foot of a robot slid over the ground in a run, by the name of the foot's link [m].
+
+    Empty for a robot that cannot walk, see `robots_that_can_walk`.
+    """
     return {
         foot.link: slide.total for foot, slide in result.touch.slides.items() if foot.robot == robot
     }

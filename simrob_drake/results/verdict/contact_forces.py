@@ -99,7 +99,7 @@ class Observation(NamedTuple):
 
 
 def measure_resting_force(run: RecordedRun) -> Measured | None:
-    """Measure the error of the contact force on each piece at rest, as a share of the piece's weight.
+    """Measure the error of the contact force on each free piece at rest, as a share of the piece's weight.
 
     The forces are averaged over each rest. Their sum, contact + applied + weight, is zero if they are right; the error
     is its component along one direction, see :func:`_judged_direction`. The largest error of each piece counts.
@@ -134,9 +134,17 @@ def _judged_direction(run: RecordedRun, contacts: list[ContactSample]) -> Vector
     If all contacts have nearly the same normal, it is this normal: friction has no component along it. Otherwise, as
     for a piece between two fingers, it is the vertical, and friction counts.
 
+    Args:
+        run: the run.
+        contacts: contact samples of the piece during its rest; perhaps none.
+
     Returns:
         the direction. None if there are no contact samples, or if friction counts and the engine, such as cenic,
         reports wrong friction forces.
+
+    Args:
+        run: the run.
+        contacts: the contact samples of the rest.
     """
     if not contacts:
         return None
@@ -182,7 +190,10 @@ def measure_friction_share(run: RecordedRun) -> Measured | None:
 
 
 def _largest_of_each(observations: list[Observation]) -> Measured | None:
-    """Keep the observation with the largest value of each subject. Returns None if there are no observations."""
+    """Keep the observation with the largest value of each subject, as the result of a criterion.
+
+    Returns None if there are no observations.
+    """
     largest: dict[str, Observation] = {}
     for new in observations:
         known = largest.get(new.subject)
@@ -217,9 +228,13 @@ def _weight(run: RecordedRun, piece: str) -> float:
 
 
 def _rests(run: RecordedRun, piece: str) -> Iterator[SampleRange]:
-    """Yield each part of the run in which a piece rests, without the 0.5 s after which it counts as resting."""
+    """Yield each part of the run in which a piece rests.
+
+    A piece rests after it has been slow for 0.5 s (REST_TIME). These 0.5 s do not belong to the part.
+    """
     is_slow = (np.abs(run.piece_velocity(piece)) < REST_SPEED).all(axis=1)
-    # Indices at which the piece becomes slow, and at which it becomes fast again, in turn.
+    # Indices at which the piece becomes slow, and at which it becomes fast again, in turn. The False at both ends lets
+    # a part begin at the first sample, and end at the last one.
     with_ends = np.concatenate([[False], is_slow, [False]])
     changes = np.flatnonzero(np.diff(with_ends))
     for begin, end in zip(changes[::2], changes[1::2], strict=True):
@@ -229,7 +244,10 @@ def _rests(run: RecordedRun, piece: str) -> Iterator[SampleRange]:
 
 
 def _windows(run: RecordedRun, piece: str) -> Iterator[ContactWindow]:
-    """Cut a run into windows of equal length, and yield those with enough contact samples of a piece."""
+    """Cut a run into windows of equal length, and yield those with enough contact samples of a piece.
+
+    The end of the run, after the begin of the last window, is left out.
+    """
     contacts = run.piece_contacts[piece]
     if len(contacts) < LEAST_CONTACT_SAMPLES:
         return
@@ -247,7 +265,8 @@ def _windows(run: RecordedRun, piece: str) -> Iterator[ContactWindow]:
 def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
     """Find the one body that touches a piece during a window.
 
-    Returns None if nothing or several bodies touch the piece, if the body changes, or if the normal does.
+    Its friction coefficient is the smallest of the samples. Returns None if nothing or several bodies touch the piece,
+    if the body changes, or if the normal does.
 
     Args:
         contacts: the contact samples of the window, at least one.
@@ -272,7 +291,7 @@ def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
 
 
 def _mean_contact_force(run: RecordedRun, piece: str, window: ContactWindow) -> Vector:
-    """Mean contact force on a piece during a window, in the world's axes, shape (3,) [N].
+    """Mean contact force on a free piece during a window, in the world's axes, shape (3,) [N].
 
     The momentum of the piece changes by all forces on it: m dv/dt = F + m g + applied. So the contact force is
     F = m (dv/dt - g) - applied.
@@ -282,6 +301,7 @@ def _mean_contact_force(run: RecordedRun, piece: str, window: ContactWindow) -> 
     duration = run.times[window.last] - run.times[window.first]
     acceleration = (velocity[window.last] - velocity[window.first]) / duration
     gravity = np.array([0.0, 0.0, -run.config.gravity])
+    # Without the force at the last sample: it acts after the window.
     applied_force = _applied_force(run, piece)[window.first : window.last].mean(axis=0)
     return np.asarray(mass * (acceleration - gravity) - applied_force)
 
@@ -306,7 +326,7 @@ def _velocity_of_centre(run: RecordedRun, piece: str) -> Vector:
 
 
 def _applied_force(run: RecordedRun, piece: str) -> Vector:
-    """Sum of the forces in the station's section ``forces`` that act on a piece.
+    """Sum of the forces in the station's section ``forces`` that act on a free piece; 0 if no force acts on the piece.
 
     Returns:
         the sum at all m samples, in the world's axes, shape (m, 3) [N].

@@ -22,7 +22,7 @@ _HOLDING_LINKS = 2
 
 
 class _Hold(NamedTuple):
-    """The last contact sample at which fingers held a piece.
+    """The last contact sample at which fingers held a piece. Contacts are evaluated at some samples of a run only.
 
     Attributes:
         sample: index of the sample of the run.
@@ -37,7 +37,12 @@ class _Hold(NamedTuple):
 def measure_lost_piece(run: RecordedRun) -> Measured | None:
     """Measure how far each lost piece is, at the end, from where the fingers held it [m]; 0 if they still hold it.
 
-    Distances are measured in the frame of the gripper. Returns None if fingers held no free piece.
+    Distances are measured in the frame of the gripper. They are 0 for pieces that are released on purpose, too. The
+    time of a value is the first evaluated sample at which the fingers no longer hold the piece, or the last evaluated
+    one if they hold it to the end. A piece that several grippers held has one value for each.
+
+    Returns:
+        the distances, one for each pair of a piece and a gripper that held it, or None if fingers held no free piece.
     """
     grippers = [robot for robot in run.plant.robots.values() if robot.model.fingers]
     if not grippers:
@@ -52,7 +57,7 @@ def measure_lost_piece(run: RecordedRun) -> Measured | None:
                 continue
             is_lost = hold.lost_at is not None and not _opens_after(run, robot, hold.sample)
             # A piece that is held to the end has the error 0, at the last sample at which its contacts were
-            # evaluated.
+            # evaluated. So has a piece that was released on purpose, at the sample after it was held.
             lost_at = hold.sample if hold.lost_at is None else hold.lost_at
             pieces.append(piece)
             distances.append(_distance_in_hand(run, robot, piece, hold.sample) if is_lost else 0.0)
@@ -63,11 +68,11 @@ def measure_lost_piece(run: RecordedRun) -> Measured | None:
 
 
 def _last_hold(contacts: Sequence[ContactSample], robot: StationRobot) -> _Hold | None:
-    """Find the last time at which a robot's fingers held a piece. Returns None if they never did.
+    """Find the last time at which at least two links of a robot touched a piece. Returns None if they never did.
 
     Args:
         contacts: contacts of the piece, in the order of time.
-        robot: the robot.
+        robot: a robot with fingers.
     """
     # Any two links of the robot: a finger and the palm hold a piece as well as two fingers do.
     links = {f"{robot.prefix}{link}" for link in robot.model.links}
@@ -81,8 +86,15 @@ def _last_hold(contacts: Sequence[ContactSample], robot: StationRobot) -> _Hold 
 
 
 def _opens_after(run: RecordedRun, robot: StationRobot, sample: int) -> bool:
-    """Whether the reference of a finger opens after a sample, so that a piece is released on purpose."""
-    references = run.axes("q_ref", robot.name)[sample:]
+    """Whether the reference of a finger opens after a sample, so that a piece is released on purpose.
+
+    Args:
+        run: the run.
+        robot: the robot with the fingers.
+        sample: index of the last sample of the run at which the piece is held.
+    """
+    references = run.axes("q_ref", robot.name)[sample:]  # shape (samples, axes) [rad or m]
+    # Fingers by the index of their axis, each with the positions at which it is closed and open.
     for axis, (closed, opened) in robot.model.fingers.items():
         # The reference counts, not the position: a large piece keeps the fingers open, whatever is asked of
         # them.
@@ -93,7 +105,7 @@ def _opens_after(run: RecordedRun, robot: StationRobot, sample: int) -> bool:
 
 
 def _distance_in_hand(run: RecordedRun, robot: StationRobot, piece: str, sample: int) -> float:
-    """Distance between the places of a piece in the gripper at a sample, and at the end of the run [m].
+    """Distance by which a piece moved in the frame of the gripper from a sample to the end of the run [m].
 
     Args:
         run: the run.

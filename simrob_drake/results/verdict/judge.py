@@ -5,7 +5,9 @@ feet, pairs of bodies. The result is a `Measured`: the worst value of each subje
 function returns None if the run has nothing to measure. The bound of a criterion is a key of ``VerdictConfig``.
 
 The signals of a run are recorded at m samples. A robot has n axes, with units rad and N·m, or m and N for prismatic
-axes.
+axes. A function with the decorator ``@_of_each_robot`` measures the axes of one robot; the decorator makes of it a
+function that measures all robots of a run. A run *moves by forces* if it is dynamic; in a kinematic run the joints are
+prescribed, and are always at their reference.
 """
 
 import warnings
@@ -101,7 +103,11 @@ MeasureOfRobot = Callable[[RecordedRun, StationRobot], AxisValues | None]
 
 
 def _of_each_robot(measure: MeasureOfRobot) -> MeasureOfRun:
-    """Decorator: extend a measure of one robot to all robots of a run. The subjects are the axes of all robots."""
+    """Decorator: extend a measure of one robot to all robots of a run.
+
+    The subjects of the new measure are the axes of all robots, with the prefixes of the robots. Robots for which the
+    measure returns None are left out.
+    """
 
     @wraps(measure)  # the name of the decorated function, by which pickle finds this one
     def of_run(run: RecordedRun) -> Measured | None:
@@ -144,7 +150,10 @@ def _of_each_robot(measure: MeasureOfRobot) -> MeasureOfRun:
 
 
 def largest(values: Vector, times: Vector) -> LargestValues:
-    """Find the largest value of each signal, and when it occurred first. NaN is ignored.
+    """Find the largest value of each signal, and when it occurred first.
+
+    NaN is ignored, as in the signals of a run in which a block failed. A signal that is NaN throughout has the value
+    NaN, at the first time.
 
     Args:
         values: k signals at m samples, shape (m, k).
@@ -157,7 +166,7 @@ def largest(values: Vector, times: Vector) -> LargestValues:
 
 
 def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
-    """Distances of a robot's axes from their reference at all samples, shape (m, n) [rad or m].
+    """Absolute distances of a robot's axes from their reference at all samples, shape (m, n) [rad or m].
 
     The distances of axes that are not judged are 0. Returns None for a kinematic run, in which axes are always at their
     reference.
@@ -173,8 +182,8 @@ def _errors(run: RecordedRun, robot: StationRobot) -> Vector | None:
 def _without_error(run: RecordedRun, robot: StationRobot) -> dict[int, str]:
     """Axes of a robot that are not expected at their reference, by index, each with the reason.
 
-    These are fingers, and axes without a motor: passive ones, and those whose servo has no gain and that had no torque
-    at all in the run.
+    These are fingers, and axes without a motor: passive ones, and those whose servo has no gain kp and that had no
+    torque at all in the run. If this last condition holds for all axes of the robot, it is ignored.
     """
     left_out = _fingers(robot)
     left_out |= dict.fromkeys(np.flatnonzero(robot.gains.passive).tolist(), _IDLE)
@@ -194,9 +203,11 @@ def _fingers(robot: StationRobot) -> dict[int, str]:
 def _errors_at_end(run: RecordedRun, robot: StationRobot) -> Vector | None:
     """Distances of a robot's axes at the end of a run from the posture of its controller, shape (n,) [rad or m].
 
-    Passive axes are among them. Returns None if no controller has such a posture: then the reference counts.
+    A controller may bring a robot to a posture of its own, as a swing-up brings a pendulum upright. Passive axes have
+    a distance, too. Returns None if no controller has such a posture: then the reference counts.
     """
     for controller in run.config.controllers.values():
+        # A controller that names no robot is one of the only robot.
         if controller.robot_name in (None, robot.name):
             distances: Vector | None = controller.distances_at_end(
                 robot, run.axes("q", robot.name)[-1]
@@ -208,10 +219,11 @@ def _errors_at_end(run: RecordedRun, robot: StationRobot) -> Vector | None:
 
 @_of_each_robot
 def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
-    """Measure the distance of each axis from its reference at the end of a run that ended regularly [rad or m].
+    """Measure the distance of each axis from its target at the end of a run [rad or m].
 
-    Returns None for a run that a fall ended, or that the next run of its program continues: the motion is not at its
-    end there.
+    The target is the posture of a controller, if one has such a posture, and the reference otherwise. Returns None for
+    a run that did not end regularly, that a fall ended, or that the next run of its program continues (its motion is
+    not at its end); and for a kinematic run, in which axes are always at their reference.
     """
     # The user may interrupt a run anywhere, and a robot that fell lies anywhere: such an error shows nothing.
     if run.ending not in _REGULAR_ENDINGS or robot_that_fell(run) is not None or run.is_continued:
@@ -230,7 +242,8 @@ def _final_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
 def _largest_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     """Measure the largest distance of each axis from its reference [rad or m].
 
-    Returns None if a controller has a target posture of its own, to which it leaves the reference.
+    Returns None for a kinematic run, and if a controller has a target posture of its own, for which it leaves the
+    reference.
     """
     errors = _errors(run, robot)
     if errors is None or _errors_at_end(run, robot) is not None:
@@ -242,7 +255,7 @@ def _largest_error(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
 @_of_each_robot
 def _beyond_stop(run: RecordedRun, robot: StationRobot) -> AxisValues:
     """Measure how far each axis was beyond an end of its range [rad or m]; negative if it stayed within."""
-    lower, upper = robot.model.axis_limits
+    lower, upper = robot.model.axis_limits  # of each axis, shape (n,)
     position = run.axes("q", robot.name)
     excess = np.maximum(lower - position, position - upper)
     worst = largest(excess, run.times)
@@ -251,7 +264,10 @@ def _beyond_stop(run: RecordedRun, robot: StationRobot) -> AxisValues:
 
 @_of_each_robot
 def _torque_share(run: RecordedRun, robot: StationRobot) -> AxisValues:
-    """Measure the largest torque of each axis, as a share of its limit. Fingers are not judged."""
+    """Measure the largest absolute torque of each axis, as a share of what its motor can give. Fingers are not judged.
+
+    The limit that users read is the torque limit of the servo, also for motors whose torque falls with their speed.
+    """
     worst = largest(torque_shares(run, robot), run.times)
     return AxisValues(
         worst.values,
@@ -265,12 +281,13 @@ def _torque_share(run: RecordedRun, robot: StationRobot) -> AxisValues:
 @_of_each_robot
 def _torque_time(run: RecordedRun, robot: StationRobot) -> AxisValues:
     """Measure the share of the run in which each axis was at its torque limit. Fingers are not judged."""
+    # Samples are evenly spaced, so the share of the samples is the share of the time; in the functions below as well.
     is_at_limit = torque_shares(run, robot) > AT_LIMIT
     return AxisValues(is_at_limit.mean(axis=0), left_out=_fingers(robot))
 
 
 def _speed_shares(run: RecordedRun, robot: StationRobot) -> Vector:
-    """Speeds of a robot's axes as shares of their limits, at all samples, shape (m, n)."""
+    """Absolute speeds of a robot's axes as shares of their limits, at all samples, shape (m, n)."""
     return np.asarray(np.abs(run.axes("v", robot.name)) / robot.speed_limits)
 
 
@@ -334,7 +351,10 @@ def _tcp_speed(run: RecordedRun) -> Measured | None:
 
 @_of_each_robot
 def _rated_time(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
-    """Measure the share of the run in which each motor gave more than its continuous torque."""
+    """Measure the share of the run in which each motor gave more than its continuous (rated) torque.
+
+    It is 0 for an axis whose rated torque is not known. Returns None if that of no axis is known.
+    """
     rated = rated_torques(robot.motors)  # infinite if it is not known
     if not np.isfinite(rated).any():
         return None
@@ -347,13 +367,15 @@ def _heat(run: RecordedRun, robot: StationRobot) -> AxisValues | None:
     """Measure how warm each motor got; 1 is the final temperature with the continuous torque.
 
     With the thermal time constant T, the torque tau and the continuous torque tau_n, the temperature theta follows
-    T dtheta/dt = (tau / tau_n)² - theta, from theta = 0 at the start.
+    T dtheta/dt = (tau / tau_n)² - theta, from theta = 0 at the start. It is 0 for an axis whose continuous torque is
+    not known. Returns None if that of no axis is known.
     """
     rated = rated_torques(robot.motors)  # infinite if it is not known: such a motor stays cold
     if not np.isfinite(rated).any():
         return None
     # The loss in the winding is proportional to the square of the current, and so to that of the torque.
-    load = (run.axes("tau", robot.name) / rated) ** 2
+    load = (run.axes("tau", robot.name) / rated) ** 2  # at m samples and n axes, shape (m, n)
+    # Time since the sample before [s]; 0 for the first sample.
     steps = np.diff(run.times, prepend=run.times[0])
     # An axis without a motor has any time constant: its load is 0.
     time_constants = np.array(
@@ -409,7 +431,10 @@ MOTION = (
 
 
 def _below_floor(run: RecordedRun) -> Measured | None:
-    """Measure how deep tools in use, floating bases and free pieces were below the ground [m]; negative above it."""
+    """Measure how deep tools in use, floating bases and free pieces were below the ground [m]; negative above it.
+
+    The depth is that of their origins. Returns None if the station has no floor, or none of these.
+    """
     if run.config.floor is None:
         return None
     signals = dict[str, str]()  # by subject, the name of the signal of its pose
@@ -439,7 +464,7 @@ def _below_floor(run: RecordedRun) -> Measured | None:
 
 
 def _distance(run: RecordedRun) -> Measured | None:
-    """Measure the smallest distance that each distance sensor measured [m]."""
+    """Measure the smallest distance that each distance sensor measured [m]. Returns None if there is no such sensor."""
     columns = set(run.names)  # the signals that were recorded
     signals = [
         signal
@@ -455,7 +480,7 @@ def _distance(run: RecordedRun) -> Measured | None:
 
 
 def _penetration(run: RecordedRun) -> Measured | None:
-    """Measure the largest depth to which each pair of bodies overlapped [m]."""
+    """Measure the largest depth to which each pair of bodies overlapped [m]. Returns None if no bodies overlapped."""
     depths = run.touch.depths  # by pair of bodies, the depth [m] and the time [s]
     if not depths:
         return None
@@ -465,11 +490,15 @@ def _penetration(run: RecordedRun) -> Measured | None:
 
 
 def _foot_slip(run: RecordedRun) -> Measured | None:
-    """Measure the longest distance that each foot slid over the ground before it was lifted again [m]."""
+    """Measure the longest distance that each foot slid over the ground before it was lifted again [m].
+
+    The time is that at which it was lifted. Without feet, the result has no subjects.
+    """
     names = []
     distances = []
     times = []
     for (robot, link), slide in run.touch.slides.items():
+        # The distance, and the index of the time at which the foot was lifted.
         distance, row = slide.longest
         names.append(f"{run.plant.robots[robot].prefix}{link}")
         distances.append(distance)
@@ -478,7 +507,10 @@ def _foot_slip(run: RecordedRun) -> Measured | None:
 
 
 def _shortened_steps(run: RecordedRun) -> Measured | None:
-    """Measure how often the solver tried a step again with a shorter length, as a share of its steps."""
+    """Measure how often the solver tried a step again with a shorter length, as a share of its steps.
+
+    Returns None for a solver whose steps have one length, and for a run without steps.
+    """
     if run.shortened is None or len(run.step_times) < 2:
         return None
     steps = np.array([len(run.step_times) - 1.0])
@@ -488,7 +520,10 @@ def _shortened_steps(run: RecordedRun) -> Measured | None:
 
 
 def _coupling_gap(run: RecordedRun) -> Measured | None:
-    """Measure the largest gap of each coupling between two bodies, at some times of the run [m or rad]."""
+    """Measure the largest gap of each coupling that holds two bodies together, at some times of the run [m or rad].
+
+    Returns None if there is no such coupling.
+    """
     # Springs are no constraints: they may be stretched.
     all_couplings = run.config.couplings.items()
     couplings = {
@@ -498,7 +533,7 @@ def _coupling_gap(run: RecordedRun) -> Measured | None:
         return None
     plant = run.plant.plant
     context = plant.CreateDefaultContext()
-    rows = np.linspace(0, len(run.times) - 1, _COUPLING_SAMPLES).astype(int)
+    rows = np.linspace(0, len(run.times) - 1, _COUPLING_SAMPLES).astype(int)  # indices of samples
     # A short run has fewer samples than times; each is measured once.
     times = run.times[np.unique(rows)]
     gaps = np.zeros((len(times), len(couplings)))
@@ -557,11 +592,14 @@ register_core_names("measures", lambda: [criterion.name for criterion in CRITERI
 
 
 def verdict_of(run: RecordedRun) -> Verdict:
-    """Judge a single run by all criteria: those of the core, then those of installed extensions."""
+    """Judge a single run by all criteria: those of the core, then those of installed extensions.
+
+    Criteria that have nothing to measure in the run are left out. A program is judged by its runs, see `join_verdicts`.
+    """
     measures = [criterion.of(run) for criterion in CRITERIA]
     further_criteria = usable_objects("measures", Criterion, named_by="name").values()
     measures += [_measure_of_extension(criterion, run) for criterion in further_criteria]
-    # otherwise the rate of contacts is of no interest
+    # Both are empty if no bodies overlapped and no robot walks: the rate of these evaluations is of no interest then.
     has_touched = run.touch.depths or run.touch.slides
     return Verdict(
         measures=tuple(measure for measure in measures if measure is not None),
@@ -574,7 +612,7 @@ def verdict_of(run: RecordedRun) -> Verdict:
 
 
 def _measure_of_extension(criterion: Criterion, run: RecordedRun) -> Measure | None:
-    """Measure a run by a criterion of an extension.
+    """Measure a run by a criterion of an installed extension, whose function may fail.
 
     Returns None if the run has nothing to measure. If the extension's function raises an error, an ExtensionWarning is
     given, and the result is None, too.

@@ -92,7 +92,11 @@ class MoveVerdict:
         return tuple(remark.text for remark in self.remarks)
 
     def later(self, begin: float) -> "MoveVerdict":
-        """Shift the times of the move, as part of a run that begins at a later time [s]."""
+        """Copy the verdict, with times of the whole program instead of those of the move's run.
+
+        Args:
+            begin: time of the program at which the run began [s].
+        """
         return replace(self, begin=self.begin + begin, end=self.end + begin)
 
     def summary(self) -> dict[str, Any]:
@@ -105,9 +109,11 @@ class MoveVerdict:
 def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     """Compare a recorded move with the planned move: its end, path, speed, torque and distances.
 
+    Errors at the end are those at the end of the move, or of the run if that ended first.
+
     Args:
-        run: a run that begins with the move.
-        asked: the planned move. If its run was pickled, the verdict was found before.
+        run: a run that begins with the move, at the time zero. It may last longer than the move.
+        asked: the planned move. If its run was pickled, it has a verdict, which is returned.
     """
     if asked.verdict is not None:
         known: MoveVerdict = asked.verdict
@@ -127,7 +133,7 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     tool_poses = asked.tool(postures)  # (m, 4, 4)
     planned_poses = asked.tool(planned_postures)
     # The pose of the planned posture, so that the errors of the servos are measured and not those of the
-    # inverse kinematics, which planning has checked.
+    # inverse kinematics, which planning has checked. `tool` takes several postures; this is one.
     target = asked.tool(end_posture[np.newaxis])[0]
     positions = tool_poses[:, :3, 3]
     planned_positions = planned_poses[:, :3, 3]
@@ -136,6 +142,7 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     # The angle of the rotation between both orientations of the tool: its trace is 1 + 2 cos(angle).
     rotation = tool_poses[-1, :3, :3].T @ target[:3, :3]
     cosine = (np.trace(rotation) - 1) / 2
+    # A derivative needs two samples. A run that ended at its start has one: index 0.
     velocities = np.gradient(positions, times, axis=0) if last else np.zeros((1, 3))
     speeds = np.linalg.norm(velocities, axis=1)
     is_at_limit = torque_shares(run, run.plant.robots[asked.robot])[rows] > AT_LIMIT
@@ -244,7 +251,13 @@ def _remarks(run: "RecordedRun", verdict: MoveVerdict, *, is_stopped: bool) -> I
 
 
 def _remedy(run: "RecordedRun", verdict: MoveVerdict) -> Remedy | None:
-    """Remedy of a move whose tool is not where it should be."""
+    """Remedy of a move whose tool is not where it should be. Returns None if none is known.
+
+    Args:
+        run: the run.
+        verdict: the values of the move.
+    """
+    # The function below takes the worst value of a criterion, of which it reads the subject only.
     tool = MeasuredValue(
         subject=f"tool of {verdict.robot}",
         value=verdict.position_error,
@@ -258,7 +271,7 @@ def _remedy(run: "RecordedRun", verdict: MoveVerdict) -> Remedy | None:
 
 
 def _finite_distance(approach: "Approach") -> float | None:
-    """Smallest distance [m], or None if no pair of bodies was measured."""
+    """The distance of an approach [m], or None if no pair of bodies was measured."""
     # The distance is infinite then, which files for JSON cannot contain.
     return approach.distance if np.isfinite(approach.distance) else None
 
@@ -285,10 +298,14 @@ def table_of_moves(moves: Sequence[MoveVerdict]) -> list[list[str]]:
 
 
 def nearest_bodies(moves: Sequence[MoveVerdict]) -> str:
-    """Write the smallest distance of all moves, with the two bodies and the move. Empty if no distance was measured."""
+    """Write the smallest distance to another body of all moves, with the two bodies and the move.
+
+    Distances between bodies of the same robot do not count. The text is empty if no distance was measured.
+    """
     measured = [move for move in moves if move.distance is not None]
     if not measured:
         return ""
+    # The distances are not None here; "or 0.0" only shows that to the type checker.
     nearest = min(measured, key=lambda move: move.distance or 0.0)
     return message(
         "results.nearest_bodies",
@@ -300,7 +317,10 @@ def nearest_bodies(moves: Sequence[MoveVerdict]) -> str:
 
 
 def meaning_of_distances(moves: Sequence[MoveVerdict]) -> str:
-    """Explain the columns of distances in the table of moves. Empty if no distance was measured."""
+    """Explain the columns of distances in the table of moves.
+
+    The text is empty if neither distances to other bodies nor those of a robot to itself were measured.
+    """
     if all(move.distance is None and move.own_distance is None for move in moves):
         return ""
     return message(
@@ -312,5 +332,6 @@ def meaning_of_distances(moves: Sequence[MoveVerdict]) -> str:
 
 
 def _in_table(distance: float | None) -> str:
-    """Write a smallest distance, given in m, in mm. Returns an empty string if the distance is None."""
+    """Write a smallest distance, given in m, as whole mm. Returns an empty string if the distance is None."""
+    # "z" in the format turns a negative zero into zero.
     return "" if distance is None else f"{1e3 * distance:z.0f}"

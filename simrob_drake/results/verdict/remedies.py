@@ -2,6 +2,11 @@
 
 A remedy with a key and a value can be applied at once, by ``--set KEY=VALUE`` or by a button. It is offered only if the
 station takes the key, and if the recorded run shows the cause, such as a servo that is not at its torque limit.
+
+Each public function finds the remedy of one criterion. It gets the run and the worst value of the criterion, ``entry``,
+with its *subject*: the name of the axis, robot, tool, foot or pair of bodies that the value belongs to. In stations of
+several robots, names of axes begin with that of their robot. ``run.did`` is a text if a command or a program planned
+the motion of the run. It is empty if the station's file gives the motion.
 """
 
 from collections.abc import Callable
@@ -58,8 +63,9 @@ _STIFFER = 10.0
 def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis, or of a robot's tool, that is not where it should be.
 
-    A saturated motor needs more time or torque. Otherwise a servo without an integral part leaves an error, which
-    gravity causes: gravity feedforward removes it.
+    If a motor of the robot is saturated, it is more time or torque; if an axis still moves at the end, it is the remedy
+    of a lag. Otherwise gravity most likely causes the error: the remedy is gravity feedforward, or larger gains for
+    servos that cannot have it or have it already. Returns None for a kinematic station, and if no robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
@@ -80,7 +86,11 @@ def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
-    """Remedy of an axis that is too far behind its reference while it moves: more time, or larger gains."""
+    """Remedy of an axis that is too far behind its reference while it moves: more time, or larger gains.
+
+    If the reference begins away from the robot, it is another start; if a motor of the robot is saturated, it is the
+    remedy of that motor. Returns None for a kinematic station, and if no robot is found.
+    """
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
         return None
@@ -96,7 +106,12 @@ def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
-    """Remedy of a motor that is at its torque limit: more time, or else a smaller load."""
+    """Remedy of a motor that is at its torque limit.
+
+    If a motor of the robot is still saturated at the end, it presses on an obstacle or is too weak for the posture. If
+    the reference begins away from the robot, the remedy is another start. Otherwise it is more time. Returns None if no
+    robot is found.
+    """
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
@@ -123,7 +138,15 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
-    """Remedy of an axis or a tool that moves too fast: more time, in proportion to its speed."""
+    """Remedy of an axis or a tool that moves too fast: more time, in proportion to its speed.
+
+    For a robot with a floating base it is slower steps. If the reference begins away from the robot, it is another
+    start. Returns None if no robot is found.
+
+    Args:
+        run: the run.
+        entry: the speed, as a share of its limit.
+    """
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
@@ -140,6 +163,8 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
     """Remedy of an axis of a robot on legs that moves too fast: slower steps, if a walk moves this axis.
+
+    A walk may be a controller of the station, or a planned move of a program. For other axes it is another motion.
 
     Args:
         run: the run.
@@ -161,7 +186,7 @@ def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
         return Remedy(
             message("results.remedy_slower_loop", "take slower steps: --set {key}=SECONDS", key=key)
         )
-    if run.did:
+    if run.did:  # a planned move, of a program or of the command line
         text = message(
             "results.remedy_slower_walk",
             "take shorter steps (simrob walk ... --amplitude 0.5) or slower ones (--step-time SECONDS); in a program: "
@@ -181,7 +206,13 @@ _SLOWER_MOTION = message(
 
 
 def _is_of_leg(run: RecordedRun, robot: StationRobot, axis: int) -> bool:
-    """Whether an axis, by its index, moves a foot of a robot."""
+    """Whether an axis moves a foot of its robot. It is False for a robot without feet.
+
+    Args:
+        run: a run of the robot's station.
+        robot: the robot.
+        axis: index of the axis.
+    """
     if robot.feet is None:
         return False
     plant = run.plant.plant
@@ -193,13 +224,15 @@ def _is_of_leg(run: RecordedRun, robot: StationRobot, axis: int) -> bool:
 def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy | None:
     """Remedy of an axis whose reference begins away from the robot: more time does not help.
 
-    It is offered if the error of the axis is largest at the start of the run, or nearly so.
+    The remedy is another initial posture. It is offered if the error of the axis at the start of the run is at least
+    half of its largest error. Returns None otherwise, and if the subject is no axis of the robot.
 
     Args:
         run: the run.
         robot: the robot that the axis belongs to.
         subject: name of the axis, such as ``left.joint_2``.
     """
+    # Index of the axis; None for another subject, such as a tool.
     axis = next(
         (index for index, name in enumerate(robot.axes) if f"{robot.prefix}{name}" == subject), None
     )
@@ -228,7 +261,10 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
 
 
 def less_load(run: RecordedRun, entry: WorstValue) -> Remedy | None:
-    """Remedy of a robot that carries more than its rated payload: a smaller load, of which it names the parts."""
+    """Remedy of a robot that carries more than its rated payload: a smaller load, of which it names the parts.
+
+    Returns None if no robot is found.
+    """
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
@@ -241,7 +277,11 @@ def less_load(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:
-    """Remedy of a body that sank into the floor: contact, if the station has none."""
+    """Remedy of a body that sank into the floor: contact, if the station has none.
+
+    In a kinematic station contact would have no effect, so the remedy is another target. Returns None if the station
+    has contact.
+    """
     del entry  # the remedy is the same for all bodies
     # With contact, a body below the floor is a matter of the contact's stiffness, which another criterion
     # judges.
@@ -275,7 +315,10 @@ def contact_with_floor(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def stiffer_contact(run: RecordedRun, entry: WorstValue) -> Remedy | None:
-    """Remedy of two bodies that are too deep in each other: a stiffer contact."""
+    """Remedy of two bodies that are too deep in each other: a stiffer contact.
+
+    Returns None if the station has no contact, or does not set the stiffness of its contact.
+    """
     del entry  # the remedy is the same for all bodies
     contact = run.config.contact
     # Without the key, the stiffness is that of each shape's file or of Drake: there is no number to multiply.
@@ -344,15 +387,16 @@ def robot_of(run: RecordedRun, subject: str) -> StationRobot | None:
 
 
 def _moves_at_end(run: RecordedRun, robot: StationRobot) -> bool:
-    """Whether an axis of a robot still moves at the end of the run, faster than a small share of its limit."""
+    """Whether an axis of a robot still moves at the end of the run, faster than 1 % of its speed limit."""
     speeds = np.abs(run.axes("v", robot.name)[-1]) / robot.speed_limits
     return bool(speeds.max(initial=0.0) > _AT_REST)
 
 
 def _takes_feedforward(run: RecordedRun, robot: StationRobot) -> bool:
-    """Whether gravity feedforward may be turned on: for a robot with a fixed base that has none yet.
+    """Whether gravity feedforward may be turned on: for a robot with a fixed base that has no feedforward yet.
 
-    The model of a robot with a floating base lacks the contact forces that carry it.
+    The model of a robot with a floating base lacks the contact forces that carry it. Servos with the law
+    ``computed_torque`` compensate gravity anyway.
     """
     servo = run.config.servo_of(robot.name)
     return (
@@ -363,13 +407,17 @@ def _takes_feedforward(run: RecordedRun, robot: StationRobot) -> bool:
 
 
 def _may_be_implicit(run: RecordedRun, robot: StationRobot) -> bool:
-    """Whether the servos of a robot may become part of the solver: not those with a model or an admittance."""
+    """Whether the servos of a robot may become part of the solver (the realization ``implicit``).
+
+    Servos whose law uses a model, or that yield to forces (an admittance), may not; nor may those of a station that
+    prescribes the motion of some joints.
+    """
     servo = run.config.servo_of(robot.name)
     return servo.law == "pid" and not servo.admittance_gain and not run.config.prescribed
 
 
 def _saturated_at_end(run: RecordedRun, robot: StationRobot) -> npt.NDArray[np.bool_]:
-    """Whether each motor is at its torque limit at the end of the run, so that more time would not help, shape (n,)."""
+    """Whether each motor is at its torque limit at the last sample, so that more time would not help, shape (n,)."""
     return np.asarray(torque_shares(run, robot)[-1] >= AT_LIMIT)
 
 
@@ -419,6 +467,8 @@ def _with_longer_reference(
     run: RecordedRun, robot: StationRobot, text: str, factor: float
 ) -> Remedy:
     """Remedy that makes the motion longer: with a key if the motion is a reference in the station's file.
+
+    The key has a value only if the longer motion ends within the run.
 
     Args:
         run: the run.

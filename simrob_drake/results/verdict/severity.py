@@ -29,7 +29,7 @@ def severity_of_end(run: RecordedRun) -> Severity:
 
 
 def severity_of_value(*, is_violation: bool, has_bound: bool) -> Severity:
-    """Severity of a value: a note if it has no bound, otherwise a success or a violation."""
+    """Severity of a value: a note if it has no bound, otherwise a success or, if it violates its bound, a warning."""
     if is_violation:
         return VIOLATION
     return "success" if has_bound else "note"

@@ -137,7 +137,10 @@ class Criterion:
         return (self.name,)
 
     def of(self, run: "RecordedRun") -> "Measure | None":
-        """Measure the quantity in a run, and add the bounds. Returns None if there is nothing to measure."""
+        """Measure the quantity in a run, and add the bounds; for a violated bound, also a remedy.
+
+        Returns None if there is nothing to measure.
+        """
         measured = self.measure(run)
         if measured is None or not measured.subjects:
             return None
@@ -153,7 +156,14 @@ class Criterion:
         return replace(result, remedy=self.remedy(run, result.worst))
 
     def _entry(self, measured: Measured, index: int, bounds: VerdictConfig) -> MeasuredValue:
-        """Make the entry of one subject, given by its index among the measured values."""
+        """Make the entry of one subject.
+
+        Args:
+            measured: the values of all subjects.
+            index: index of the subject among them.
+            bounds: the section ``verdict`` of the station.
+        """
+        # Only axes have the unit rad here, and those that slide have values in m.
         is_prismatic = self.unit == "rad" and bool(measured.slides[index])
         return MeasuredValue(
             subject=measured.subjects[index],
@@ -166,7 +176,12 @@ class Criterion:
         )
 
     def _bound(self, bounds: VerdictConfig, is_prismatic: bool) -> float | None:
-        """Bound of a value, in rad, m or as a share. Returns None if the verdict has no bound (``none``)."""
+        """Bound of a value, in rad, m or as a share. Returns None if there is no bound.
+
+        Args:
+            bounds: the section ``verdict`` of the station; it has the word ``none`` where there is no bound.
+            is_prismatic: whether the value is that of an axis that slides.
+        """
         key = self.bound_keys[1 if is_prismatic else 0]
         bound = getattr(bounds, key, None)
         if bound is None:  # a criterion of an extension, in a station that does not name it
@@ -248,12 +263,12 @@ class Measure:
 
     @cached_property
     def worst(self) -> MeasuredValue:
-        """The entry that violates its bound most, or is nearest to it, each in comparison with its own bound.
+        """The entry that violates its bound most, or if none does, is nearest to it: in comparison with its own bound.
 
         Values that have no bound, or the bound 0, are compared as they are. If smaller values are worse, it is the
         entry with the smallest value of those that violate their bounds, or of all if none does.
 
-        If all subjects are left out, it is an entry with an empty subject and the value 0.
+        If all subjects are left out, it is an entry with an empty subject, the value 0 and no bound.
         """
         nothing = MeasuredValue(
             subject="",
@@ -268,7 +283,10 @@ class Measure:
 
     @cached_property
     def warning(self) -> str:
-        """A sentence about the worst entry, if it violates its bound; otherwise an empty text."""
+        """A sentence about the worst entry, with the count of other violations, if there are any.
+
+        It is an empty text if no entry violates its bound.
+        """
         violations = sum(map(self.criterion.is_violated_by, self.entries))
         if not violations:
             return ""
@@ -309,7 +327,7 @@ class Measure:
 
     @property
     def row(self) -> CriterionRow:
-        """Entry of the table of criteria."""
+        """Entry of the table of criteria, with the worst value, its bound and its subject as texts."""
         worst = self.worst
         return CriterionRow(
             severity=self.severity,
@@ -328,7 +346,7 @@ class Measure:
         return rounded_in_words(value, worst.unit)
 
     def __str__(self) -> str:
-        """Title of the criterion, worst value and subject."""
+        """Title of the criterion, worst value and subject; "not judged" if all subjects are left out."""
         if not self.entries:
             return f"{self.criterion.title} not judged"
         return f"{self.criterion.title} {in_words(self.worst.value, self.worst.unit)} ({self.worst.subject})"
@@ -372,7 +390,10 @@ class Measure:
 
 
 def _amount_of_limit(entry: MeasuredValue) -> Message:
-    """Write a share as an amount of its limit, such as ``37.2 of 150 N·m``."""
+    """Write a share as an amount of its limit, such as ``37.2 of 150 N·m``.
+
+    The text has no meaning for a value that is no share; no sentence uses it then.
+    """
     amount = amount_for_users(entry.value * entry.limit, entry.limit_unit)
     limit = amount_for_users(entry.limit, entry.limit_unit)
     return message(
@@ -385,7 +406,10 @@ def _amount_of_limit(entry: MeasuredValue) -> Message:
 
 
 def _when(entry: MeasuredValue) -> Message:
-    """Write in which move and at what time a value occurred, with a space before it. Empty if neither is known."""
+    """Write at what time, and in a program in which move, a value occurred, with a space before it.
+
+    Empty if the time is not known.
+    """
     if entry.time is None:
         return compound("")
     at = message("results.at_time", " at {time:.2f} s", time=entry.time)
@@ -397,7 +421,7 @@ def _when(entry: MeasuredValue) -> Message:
 
 
 def _during(entry: MeasuredValue) -> Message:
-    """Write in which move of a program, and at what time, a value occurred. Empty for a single run."""
+    """Write the same as `_when` for a value that occurred in a move of a program. Empty for a single run."""
     return _when(entry) if entry.move else compound("")
 
 
@@ -442,7 +466,7 @@ class Verdict:
 
     @property
     def warnings(self) -> list[str]:
-        """A sentence for each criterion whose bound is violated, then the warnings of the moves."""
+        """A sentence for each criterion whose bound is violated, then the warnings of the moves; no doubts."""
         warnings = [measure.warning for measure in self.measures if measure.warning]
         for move in self.moves:
             warnings += move.warnings
@@ -450,9 +474,10 @@ class Verdict:
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks about the run: a sentence that sums it up, one for each warning with its remedy, then notes.
+        """Remarks about the run: a sentence that sums it up, one for each doubt and each warning, then notes.
 
-        A run that failed has the sentence only: what its signals violate after that is no news.
+        Warnings have their remedies. A run that failed has the sentence only: what its signals violate after that is
+        no news.
         """
         if self.severity_of_end == "failure":
             return [Remark("failure", self.sentence)]
@@ -491,7 +516,10 @@ class Verdict:
         return join_texts(self._judgements(), ". ")
 
     def _judgements(self) -> Iterator[Message]:
-        """Yield the sentences of the judgement: on missed targets, violated bounds, and the solver's doubts."""
+        """Yield the sentences of the judgement: on missed targets, violated bounds, moves, and the solver's doubts.
+
+        If there is nothing to say about any of these, the only sentence is that all is within bounds.
+        """
         misses = [move.position_error for move in self.moves if move.misses_target]
         if misses:
             yield _missed_targets(misses)
@@ -529,7 +557,10 @@ class Verdict:
 
     @property
     def table(self) -> list[CriterionRow]:
-        """The table of criteria: those that are violated first. Values of 0 are left out, except for distances."""
+        """The table of criteria: those that are violated first.
+
+        Criteria whose worst value is 0 or negative are left out, except for distances; so are those without entries.
+        """
         shown = [
             measure
             for measure in self.measures
@@ -596,18 +627,23 @@ def _missed_targets(misses: Sequence[float]) -> Message:
 
 
 def join_verdicts(
-    verdicts: Sequence[Verdict], durations: Sequence[float], names: Sequence[str] = ()
+    verdicts: Sequence[Verdict],
+    durations: Sequence[float],
+    names: Sequence[str] = (),
+    starts: Sequence[float] = (),
 ) -> Verdict:
     """Combine the verdicts on runs that follow each other. For each subject the worst value of all runs is kept.
 
-    A value that is a share of the time becomes a share of the whole time.
+    A value that is a share of the time becomes a share of the whole time. Times of the combined verdict count from the
+    start of the first run. How the last run ended, doubts and notes are not set.
 
     Args:
         verdicts: the verdicts, in the order of the runs.
         durations: durations of the runs [s].
         names: names of the moves that the runs are, such as ``move 2``. Empty if they have none.
+        starts: simulated times at which the runs start [s]. Empty if all start at 0.
     """
-    begins = np.cumsum([0.0, *durations]).tolist()  # one more than runs: the last is the end
+    begins = np.cumsum([0.0, *durations])[:-1].tolist()
     total_time = sum(durations)
     entries: dict[Criterion, dict[str, MeasuredValue]] = {}  # the combined entry of each subject
     left_out: dict[Criterion, dict[str, str]] = {}
@@ -615,16 +651,18 @@ def join_verdicts(
     # The remedy of the latest run in which the criterion is violated.
     remedies: dict[Criterion, Remedy | None] = {}
     move_names = names or [""] * len(verdicts)
-    for verdict, begin, duration, name in zip(
-        verdicts, begins, durations, move_names, strict=False
+    start_times = starts or [0.0] * len(verdicts)
+    for verdict, begin, start, duration, name in zip(
+        verdicts, begins, start_times, durations, move_names, strict=True
     ):
+        shift = begin - start  # from the time of the run to that of the program [s]
         for measure in verdict.measures:
             if measure.warning:
                 remedies[measure.criterion] = measure.remedy
-            own = entries.setdefault(measure.criterion, {})
+            own = entries.setdefault(measure.criterion, {})  # combined entries of this criterion
             left_out.setdefault(measure.criterion, {}).update(measure.left_out)
             for entry in measure.entries:
-                time = None if entry.time is None else begin + entry.time
+                time = None if entry.time is None else shift + entry.time
                 shifted = entry._replace(time=time, move=name or entry.move)
                 before = own.get(entry.subject)
                 own[entry.subject] = _combine(measure, before, shifted, duration, total_time)
@@ -671,6 +709,10 @@ def _move_at(time: float | None, spans: Sequence["MoveSpan"]) -> str:
     """Name of the move that a program made at a time [s]. Empty if the time is None, or no move was made then.
 
     At the time at which a move ends and the next one begins, it is the one that ends: its final error occurs then.
+
+    Args:
+        time: the time, since the start of the program [s].
+        spans: when the moves of the program began and ended, in order.
     """
     if time is None:
         return ""
@@ -692,7 +734,8 @@ def _combine(
 ) -> MeasuredValue:
     """Combine the entry of a subject in one run with its entry in the runs before: the worse of the two.
 
-    Shares of the time are added instead, each in proportion to the duration of its run.
+    Of equal entries, the earlier is kept. Shares of the time are added instead, each in proportion to the duration of
+    its run.
 
     Args:
         measure: the measure that contains the new entry.

@@ -25,7 +25,7 @@ _LEAST_SHARE = 5e-4
 
 
 def count_in_words(count: int) -> Message:
-    """Count of at least two things, for the begin of a sentence."""
+    """Count of at least two things, for the begin of a sentence: a word up to nine, and digits from ten on."""
     return _COUNT_WORDS.get(count) or compound("{count}", count=count)
 
 
@@ -53,7 +53,12 @@ def in_words(value: float, unit: str) -> Message:
 
 
 def rounded_in_words(value: float, unit: str) -> Message:
-    """Write a value as :func:`in_words` does, for a table: per cent without decimals, and no tiny shares."""
+    """Write a value for a table: shares in whole per cent (a tiny share as 0 %), others as :func:`in_words` does.
+
+    Args:
+        value: the value, in its SI unit or as a share.
+        unit: ``rad``, ``m``, or ``1`` for a share.
+    """
     if unit == "1":
         share = value if abs(value) >= _LEAST_SHARE else 0.0
         return compound("{number:.0f} %", number=100.0 * share)
@@ -74,7 +79,12 @@ class Amount(NamedTuple):
 
 
 def amount_for_users(value: float, unit: str) -> Amount:
-    """Convert an amount to the units of users: speeds of axes in deg/s, as positions are in degrees."""
+    """Convert an amount to the units of users: rad/s to deg/s, since users read angles in degrees. Others stay.
+
+    Args:
+        value: the amount.
+        unit: its unit, such as ``N·m`` or ``rad/s``.
+    """
     if unit == "rad/s":
         # Only speeds of turning joints: torques, forces and speeds in m/s are the same for users.
         value = float(np.rad2deg(value))
@@ -83,12 +93,12 @@ def amount_for_users(value: float, unit: str) -> Amount:
 
 
 def amount_in_words(share: float, limit: float, unit: str) -> Message:
-    """Write a share of a limit as an amount, such as ``37.2 N·m``.
+    """Write a share of a limit as an amount in the units of users, such as ``37.2 N·m``.
 
     Args:
-        share: the share.
+        share: the share; 1 is the whole limit.
         limit: what the value is a share of, in the unit.
-        unit: the unit.
+        unit: the unit; ``rad/s`` is written as ``deg/s``.
     """
     amount = amount_for_users(share * limit, unit)
     return compound("{number:.6g} {unit}", number=amount.number, unit=amount.unit)
@@ -101,6 +111,7 @@ def text_table(rows: Sequence[Sequence[str]], width: int = 80) -> list[str]:
         rows: the headings, then the other rows, with equally many cells.
         width: largest length of a line.
     """
+    # zip(*rows) turns rows into columns: each column is as wide as its longest cell.
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []
     for row in rows:
@@ -111,7 +122,7 @@ def text_table(rows: Sequence[Sequence[str]], width: int = 80) -> list[str]:
 
 
 def capitalize(text: str) -> str:
-    """Begin a text with a capital letter. A message does so in each language."""
+    """Begin a text with a capital letter. A message does so in each language. An empty text stays empty."""
     if isinstance(text, Message):
         return text.as_sentence()
     # str.capitalize() would make all other letters small, also those of units and names.
