@@ -280,7 +280,7 @@ class SampledBlock(Block):
     def remember(self, context: Context, changes: Changes) -> None:
         """Change the memory of the block in a context of the block, between its samples.
 
-        Delayed outputs move on by one sample.
+        Delayed outputs move on by one sample. Before the first sample a delayed output shows the new value at once.
 
         Args:
             context: context of the block, which is changed.

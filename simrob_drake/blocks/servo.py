@@ -752,7 +752,7 @@ def add_actuator_servos(
         )
     extra_torques = _extra_torques(builder, signals, gains, prefix)
     driven = ~gains.passive
-    # Without passive axes: whether every servo has a stiffness.
+    # Whether every axis that has a motor has a stiffness.
     is_stiff = bool((gains.kp[driven] > 0).all())
     ports = [signals.reference]
     columns: list[Vector] = [np.eye(len(gains.kp))]
@@ -766,7 +766,8 @@ def add_actuator_servos(
             ports.append(extra.port)
             columns.append(offsets)
     elif extra_torques:
-        # A joint without stiffness cannot turn a torque into a position: the torques act directly.
+        # A joint without stiffness cannot turn a torque into a position: the torques act directly. The desired position
+        # stays the reference; where kp is 0 it has no effect.
         bus = add_multiplexer(
             builder, f"{prefix}extra_torques", *(extra.port for extra in extra_torques)
         )

@@ -665,6 +665,7 @@ def _line(motors: Sequence[Motor | None]) -> MotorLine:
             torque_at_rest, no_load_speed = motor.line
             stall[index] = torque_at_rest
             slope[index] = torque_at_rest / no_load_speed
+    # No dampers: the joints of the user's plant are not changed, so the blocks reduce the torques alone.
     return MotorLine(stall=stall, slope=slope, damping=np.zeros(len(motors)))
 
 

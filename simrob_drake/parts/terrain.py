@@ -167,7 +167,10 @@ class Terrain(Strict):
 
     @property
     def depth(self) -> float:
-        """Depth of the floor's plane below the level ground around the field [m]. It leaves room for lower boxes."""
+        """Depth of the boxes' bottoms below the floor's plane [m], the level ground around the field.
+
+        All boxes end at the same depth. It is larger than the depth of the lowest top, so that each box has a height.
+        """
         # The boxes of a grid may be lower than the ground around them, as far as its file says.
         lowest = self.heights().min() if self.kind == "grid" else -self.height
         return _BELOW + max(self.height, -float(lowest))
@@ -295,7 +298,7 @@ class Terrain(Strict):
         top: float = 0.0,
         modulus: float | None = None,
     ) -> TerrainBox:
-        """Create an upright box from below the floor to a height.
+        """Create a box with vertical sides, from `depth` below the floor's plane up to a height.
 
         Args:
             along: lower and upper bound along the field [m].

@@ -545,8 +545,9 @@ def _standing_torque(
         text = message("stations.will_not_hold", "{text}: the joint does not hold", text=text)
         return Finding("warning", subject, text)
     level: Level = "ok"
-    if kp > 0:
-        # The servo's spring balances the torque: torque = kp * sag. Without kp there is no spring to sag.
+    # The servo's spring balances the torque: torque = kp * sag. Without kp there is no spring to sag, and an integral
+    # part removes the sag.
+    if kp > 0 and robot.gains.ki[axis] == 0:
         sag = abs(torque) / kp
         text += message(
             "stations.sags_by",

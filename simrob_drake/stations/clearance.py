@@ -478,7 +478,8 @@ def reduce_own_overlaps(
     """Find a posture in which the links of a robot overlap less, by moving one axis at a time.
 
     Each step takes the move that reduces the overlaps most. Only the axes between the two links that overlap most are
-    tried, since no other axis changes their overlap.
+    tried, since no other axis changes their overlap. An overlap of a carried piece or of the base is reduced only by
+    the axes of the other link.
 
     Args:
         clearance: the station with the robot; the robot's posture is changed.

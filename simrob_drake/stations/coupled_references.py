@@ -47,8 +47,8 @@ def obey_couplings(
     Args:
         station: the station with the robots and couplings.
         references: reference of each robot, by name.
-        requested: names of the robots whose reference comes from the caller of the run, not from the station. Such a
-            reference counts for every axis.
+        requested: names of the robots whose reference comes from the caller of the run, not from the station. All
+            axes of such a robot count as `NAMED`, except fingers and axes that no servo holds.
         starts: positions at which robots begin, shape (n,) each [rad or m]; empty if all robots begin at their initial
             positions. A run that is resumed gives its starts.
 
@@ -146,7 +146,8 @@ def _axes_to_change(
         units: units of the axes.
 
     Returns:
-        indices of the axes among the axes of all robots: those that give way, and do not obey the couplings already.
+        indices of the axes among the axes of all robots: those that give way, have a servo, and do not obey the
+        couplings already.
     """
     # Positions that obey the couplings, and how far each axis is from them at most [rad or m].
     solved = positions @ dependence.matrix.T + dependence.offset

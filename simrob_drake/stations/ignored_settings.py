@@ -37,7 +37,7 @@ def ignored_settings(config: StationConfig) -> list[Finding]:
     findings = list[Finding]()
     if config.contact is not None:
         findings += _ignored_contact_settings(config, config.contact)
-    # Stops with the default values were given by nobody, so that ignoring them is no surprise.
+    # Stops with the default values are what the station would have anyway, so that ignoring them is no surprise.
     has_own_stops = config.joint_stops != JointStops()
     if has_own_stops and config.engine.holds_joint_limits:
         text = message(

@@ -282,7 +282,7 @@ def add_models(
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     if floor:
         _add_floor(plant, resolved, collision)
-    # After all bodies, since the heaviest free body decides over the balls of all.
+    # After all bodies: the heaviest free body determines the radius of all balls.
     points = add_contact_points(plant, scene_graph, resolved, [*robots.values()], own_shapes())
     shapes_with_points = own_shapes()  # the contact points are shapes, too
     # Before the plant is finalized, which makes filters that a later change of roles would lose.
@@ -298,7 +298,7 @@ def add_models(
         scope=resolved.scope,
         is_shared=is_shared,
     )
-    # Constraints and springs act in a plant that is stepped only.
+    # Constraints and springs act only in a plant that is stepped.
     for coupling in config.couplings.values() if engine.moves_by_forces else ():
         coupling.add(station)
     return StationModels(resolved, station, shapes_with_points, points)

@@ -52,7 +52,7 @@ class PosedStation:
                 added.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station has a defect, such as a robot that cannot be built.
         """
         builder = DiagramBuilder()
         self.resolved = resolve(config)

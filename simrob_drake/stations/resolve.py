@@ -291,11 +291,12 @@ def _robot_from_files(entry: RobotConfig) -> RobotModel:
 def _described_robot(entry: RobotConfig) -> RobotModel:
     """Read the description of a robot: a URDF, a YAML file, or a robot of the package by its name."""
     if entry.urdf is not None:
-        # Few stations need the importer.
+        # Few stations need the importer, which takes time to load. It reads a URDF without defects where it is, and
+        # imports only others.
         from simrob_drake.importer.importing import robot_from_file
 
         return robot_from_file(entry.urdf, entry.import_options)
-    # A station names robots of other files under `urdf`, where the borders of the station's folder are checked.
+    # Here a text that is no YAML name is the name of a robot of the package, and never a path.
     model = str(entry.model)
     return read_described_robot(Path(model)) if is_yaml_name(model) else load_robot(model)
 

@@ -111,7 +111,7 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
     elif shapes:
         piece = PieceModel(folder=Path(), shapes=shapes)
     else:
-        piece = described_piece(Path(model) if is_yaml_name(model) else piece_file(model))
+        piece = piece_of_file(model)
     has_own_shapes = entry.mesh is not None or bool(shapes)
     has_mass = entry.mass is not None or entry.density is not None
     # A piece that is fixed to the world does not move, so its mass has no effect.
@@ -129,6 +129,19 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
         )
         raise InvalidParameter(f"pieces.{name}.mass", None, expected)
     return with_changes(piece, changes, f"pieces.{name}")
+
+
+def piece_of_file(model: str) -> PieceModel:
+    """Read a piece as its file describes it.
+
+    Args:
+        model: name of a piece of the package, or the name of a YAML file.
+
+    Raises:
+        UnknownName: there is no such piece.
+        InvalidConfig: a value of the file is not possible.
+    """
+    return described_piece(Path(model) if is_yaml_name(model) else piece_file(model))
 
 
 def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:

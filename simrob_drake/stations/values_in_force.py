@@ -3,7 +3,7 @@
 A key is *dotted*: ``servo.kp`` is the key ``kp`` in the section ``servo``. Values have the units of their keys.
 """
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -16,6 +16,7 @@ from simrob_drake.robots.pieces import FORMS
 from simrob_drake.stations.config import ServoConfig, StationConfig
 from simrob_drake.stations.piece_config import PieceConfig
 from simrob_drake.stations.resolve import resolve
+from simrob_drake.stations.resolved_pieces import piece_of_file
 
 Origin = Literal["robot", "motor", "piece", "shapes", "station", "default"]
 """Origin of a value: the file of the robot, the data of the motor, the file of the piece, the shapes of the piece, from
@@ -63,7 +64,7 @@ def values_in_force(config: StationConfig) -> dict[str, ValueInForce]:
             if found.setdefault(key, entry) != entry:
                 differing.add(key)
     for name, section in config.pieces.items():
-        for key, entry in _piece_values(section, station.pieces[name]):
+        for key, entry in _piece_values(name, section, station.pieces[name]):
             found[f"pieces.{name}.{key}"] = entry
     return {key: entry for key, entry in found.items() if key not in differing}
 
@@ -153,18 +154,28 @@ def _motor_values(
             yield f"{key}.{name}", ValueInForce(value, "motor")
 
 
-def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[str, ValueInForce]]:
+def _piece_values(
+    name: str, section: PieceConfig, piece: ResolvedPiece
+) -> Iterator[tuple[str, ValueInForce]]:
     """Yield keys and values of a piece that the station leaves out.
 
     Args:
+        name: name of the piece in the station.
         section: section of the piece in the station.
         piece: the piece with the values of its file, or computed from its shapes.
     """
     has_own_shapes = (
         section.mesh is not None or section.shapes or section.model_fields_set & set(FORMS)
     )
-    # Mass properties follow from the shapes if the station gives a density or a mass, or shapes of its own.
-    is_computed = has_own_shapes or section.density is not None or section.mass is not None
+    from_shapes: Collection[str] = ()
+    if has_own_shapes or section.density is not None:
+        from_shapes = _MASS_KEYS
+    elif section.mass is not None:
+        # With another mass, a stated inertia of the piece's file stays, and nothing is computed. Otherwise the shapes
+        # give what the file does not state.
+        stated = piece_of_file(section.model or name).model_fields_set
+        if "inertia" not in stated:
+            from_shapes = set(_MASS_KEYS) - stated
     for key in _PIECE_KEYS:
         if getattr(section, key) is not None:
             continue
@@ -173,7 +184,7 @@ def _piece_values(section: PieceConfig, piece: ResolvedPiece) -> Iterator[tuple[
             value = [_round_value(entry) for entry in value]
         elif isinstance(value, float):
             value = _round_value(value)
-        if key in _MASS_KEYS and is_computed:
+        if key in from_shapes:
             yield key, ValueInForce(value, "shapes")
         elif not has_own_shapes:  # a piece of the station's own shapes has no file
             yield key, ValueInForce(value, "piece")

@@ -326,7 +326,8 @@ class WalkPlanner:
             condition=self.steps.dcm_at_landing(standing, corrected, omega),
         )
 
-        # In the last moments before the landing, that of the last sample stays.
+        # Without an estimate the landing is the planned one. With one, errors are answered by another landing until
+        # `_FIXED_FOOTHOLD` before it; after that, the landing of the last sample stays.
         landing = stride.landing
         if estimate is None:
             landing = planned

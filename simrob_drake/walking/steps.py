@@ -159,8 +159,8 @@ class Steps:
         Args:
             parameters: parameters of the walk.
             half_width: distance from the robot's middle to the middle of each group, to the side [m].
-            roll_factor: distance that the robot goes over the distance that its legs go [1]. Above 1 if the feet are
-                balls, which roll while they stand.
+            roll_factor: ratio of the robot's way to the way of its legs [1]. Above 1 if the feet are balls, which roll
+                while they stand.
         """
         self._step_time = parameters.step_time
         # Speed times pace is the length of a step of the legs [s]. Balls roll on by the rest.

@@ -385,3 +385,14 @@ def test_a_solver_that_knows_no_dissipation_says_so():
     assert warnings == [
         "the solver scheme sap ignores contact.dissipation; use solver.scheme lagged or similar"
     ]
+
+
+@pytest.mark.parametrize(("ki", "sags"), [(0.0, True), (10.0, False)])
+def test_an_integral_part_removes_the_sag_of_a_robot_that_stands(ki, sags):
+    config = load_station("roid1_dynamic", {"servo.ki": ki})
+
+    texts = [finding.text for finding in check_station(config)]
+
+    standing = [text for text in texts if text.startswith("standing requires")]
+    assert len(standing) > 10
+    assert any("the joint sags by" in text for text in standing) == sags

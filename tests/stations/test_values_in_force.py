@@ -26,6 +26,26 @@ def test_a_mass_that_the_station_gives_is_not_repeated() -> None:
     assert "pieces.gripper.mass" not in found("irb120_dynamic", {"pieces.gripper.mass": 2})
 
 
+def test_with_another_mass_the_inertia_of_the_piece_file_stays() -> None:
+    """The file of the gripper states its inertia, which is not computed from its shapes."""
+    assert "inertia" in read_yaml(piece_file("gripper"))
+
+    values = found("irb120_dynamic", {"pieces.gripper.mass": 2})
+
+    assert values["pieces.gripper.inertia"].origin == "piece"
+    assert values["pieces.gripper.com"].origin == "piece"
+
+
+def test_with_another_mass_shapes_give_the_inertia_that_the_file_does_not_state() -> None:
+    """The file of the cube states neither its centre of mass nor its inertia."""
+    values = found("irb120_gripper", {"pieces.cube_1.mass": 2.0})
+
+    assert values["pieces.cube_1.inertia"].origin == "shapes"
+    # A cube with sides a has the moments m a² / 6.
+    moment = 2.0 * 0.04**2 / 6
+    assert values["pieces.cube_1.inertia"].value[:3] == pytest.approx([moment] * 3, rel=1e-5)
+
+
 def test_a_density_gives_the_mass_of_the_shapes() -> None:
     """The cube of steel has 40 mm sides: its mass is the density times 6.4e-5 m³."""
     values = found("irb120_gripper", {"pieces.cube_1.density": 1000})
