@@ -1,7 +1,8 @@
 """Torques of a planned move against what the motors of its robots give, before anything moves.
 
 A plan is a motion of one robot, or of several that move together. At a fraction s of its speed, its torques are those
-of gravity plus s² times those of the motion; at s = 0 the robots are held still along the path.
+of gravity plus s² times those of the motion; at s = 0 the robots are held still along the path. A *share* is a torque
+over the largest torque that the motor can give; the motor may give less the faster it turns (its *line*).
 """
 
 import warnings
@@ -30,7 +31,8 @@ def slowed_for_motors(motors: Motors, plan: Plan) -> Plan:
     """Slow a plan of one or more robots down until their motors give its torques.
 
     The plan is returned as it is if it is not too fast, if the station is kinematic, so that no motor is simulated, or
-    if the motors could not even hold the robots along the path: then `check_torques` refuses the plan.
+    if the motors could not even hold the robots along the path: then `check_torques` refuses the plan. After the
+    largest count of tries, the plan may still need a little more than the motors give.
 
     Args:
         motors: motors of the robots that move together, in the order of the plan's axes.
@@ -50,7 +52,7 @@ def slowed_for_motors(motors: Motors, plan: Plan) -> Plan:
 
 
 def slower(plan: Plan, factor: float) -> Plan:
-    """Plan along the same path that takes ``factor`` times as long."""
+    """Make a copy of a plan along the same path that takes ``factor`` times as long."""
     stretches = tuple(stretch.at(0.0, factor) for stretch in plan.stretches)
     return replace(plan, stretches=stretches, arrivals=plan.arrivals * factor)
 
@@ -75,10 +77,11 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
     if not motors.model.config.engine.moves_by_forces:
         return
     own = motors.model.robots[robot]
-    limits = own.gains.limit_at_rest
+    limits = own.gains.limit_at_rest  # of each motor [N·m or N]
     # First the torques that hold the robot still, then those of the motion.
     for speed in (0.0, 1.0):
         torques, speeds, shares = _loads(motors, robot, plan, speed)
+        # The time and the axis of the largest share.
         row, axis = np.unravel_index(int(shares.argmax()), shares.shape)
         if shares[row, axis] <= _FULL:
             continue
@@ -90,6 +93,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
             limit=limits[axis],
             unit=unit,
         )
+        # Limits at the speeds of the axes at this time: the lower ones for negative torques, else the upper ones.
         if own.gains.line is not None:
             at_speed = np.where(
                 torques[row] < 0.0, *own.gains.line.bounds(speeds[row], own.gains.torque_limit)
@@ -100,7 +104,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
                 torque=abs(at_speed[axis]),
                 unit=unit,
             )
-        time = float(plan.looks[row])
+        time = float(plan.looks[row])  # `_loads` has one row for each of these times
         point = plan.point_at(time)
         if speed == 0.0:
             raise TorqueLimitExceeded(
@@ -139,7 +143,7 @@ def slower_factor(motors: Motors, plan: Plan) -> float:
 
 
 def _needs_too_much(motors: Motors, plan: Plan, speed: float) -> bool:
-    """Whether a plan, run at a fraction of its speed, needs more torque than the motors give."""
+    """Whether a plan, run at a fraction of its speed, needs more torque than the motors of its robots give."""
     return _largest_share(motors, plan, speed) > _FULL
 
 
@@ -174,6 +178,12 @@ def _loads(motors: Motors, robot: str, plan: Plan, speed: float) -> _Loads:
     """Loads of the motors of one robot, at the times `plan.looks` of its plan that is run at a fraction of its speed.
 
     The torques and shares of fingers are 0: fingers press on what they hold, with a force that no plan determines.
+
+    Args:
+        motors: motors of the robot, perhaps among those of others.
+        robot: name of the robot.
+        plan: plan of this robot alone.
+        speed: fraction of the plan's speed, from 0 to 1.
     """
     motion = plan.motion(plan.looks)
     dynamics = motors.model.dynamics(robot)
