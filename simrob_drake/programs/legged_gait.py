@@ -3,8 +3,8 @@
 A run begins with a motion into the first posture of the gait and a rest in it, both as short as the robot's posture
 allows.
 
-The *bearing* of a gait is how the robot holds itself in it: the height of its hips, and the positions of axes in no leg.
-A *solved* gait is one whose legs are computed by inverse kinematics. The *walker* is the robot's description for
+The *bearing* of a gait is how the robot holds itself in it: the height of its hips, and the positions of axes in no
+leg. A *solved* gait is one whose legs are computed by inverse kinematics. The *walker* is the robot's description for
 planners of gaits.
 """
 
@@ -147,7 +147,8 @@ def planned_gait(
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a planned gait from where a robot stands, and return the result. A floor that had to become larger stays so.
 
-    A motion into the first posture comes before it. During the run the station has the gains and the solver of the gait.
+    A motion into the first posture comes before it. During the run the station has the gains and the steps of the
+    solver that the gait needs.
 
     Args:
         robot: the robot.
