@@ -291,6 +291,13 @@ class Arm(ArmGeometry):
 
         Without ``parent``, the piece is attached to the tool in use if that is a piece itself. Otherwise it is attached
         to the robot: at ``frame``, or else at the robot's first tool.
+
+        Args:
+            piece: name of the piece.
+            parent: ``world``, a robot or another piece. If it is None, the present tool of the arm.
+            frame: a frame of the parent piece, or a tool or link of the robot.
+            pose: pose of the piece in the parent's frame, to which it jumps. If it is None, the piece stays where it
+                is, and must be near.
         """
         # The tool in use may be a piece that the robot carries, so only the station can find it.
         if parent is None:

@@ -111,9 +111,9 @@ class CellRobot:
             [x y z Rz Ry Rx] [m, rad], shape (6,), or (k, 6) for several postures.
         """
         # A single posture gives a single pose, not an array of one.
-        rows = self.position if q is None else q
-        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
-        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
+        postures = self.position if q is None else q
+        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(postures))
+        return poses if np.ndim(postures) > 1 else np.asarray(poses[0])
 
     @property
     def reference(self) -> Vector:
@@ -261,9 +261,9 @@ class ArmGeometry(CellRobot):
         Returns:
             The Jacobian, shape (6, n), or (k, 6, n) for several postures.
         """
-        rows = self.position if q is None else q
-        jacobians = self.chain.jacobian(rows)
-        return jacobians if np.ndim(rows) > 1 else np.asarray(jacobians[0])
+        postures = self.position if q is None else q
+        jacobians = self.chain.jacobian(postures)
+        return jacobians if np.ndim(postures) > 1 else np.asarray(jacobians[0])
 
     @property
     def dynamics(self) -> Dynamics:

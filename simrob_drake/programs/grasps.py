@@ -238,9 +238,9 @@ def with_efforts(
         efforts: largest torque or force of the motors, by the names of their axes [N·m or N]. The other motors keep
             their limits.
     """
-    own = dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True))
+    own_limits = dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True))
     # Passive axes have no motor, and so no limit.
-    driven = {axis: limit for axis, limit in own.items() if limit > 0}
+    driven = {axis: limit for axis, limit in own_limits.items() if limit > 0}
     limits = {**driven, **efforts}
     servo = config.servo_of(robot.name).model_copy(update={"torque_limit": limits})
     entry = config.robots[robot.name].model_copy(update={"servo": servo})

@@ -230,9 +230,12 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
         robot: the robot, at its current pose.
         station: the station as it will be.
     """
-    own = station.robots[robot.name]
+    resolved_robot = station.robots[robot.name]
     gaits = gaits_file(robot.model)
-    skeleton = skeleton_of(own.model, urdf_with_pieces(station, own) if own.carried else None)
+    skeleton = skeleton_of(
+        resolved_robot.model,
+        urdf_with_pieces(station, resolved_robot) if resolved_robot.carried else None,
+    )
     # On a slope the floor is rotated against the world. In the floor's frame, the robot looks in direction `heading`
     # [rad]; planners need gravity in a frame that is turned about the floor's normal so that the robot looks along x.
     floor_from_world = station.ground.floor_pose.rotation().inverse()
@@ -245,7 +248,7 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
         skeleton,
         gaits,
         gravity,
-        is_loaded_or_inclined=bool(own.carried or station.ground.incline),
+        is_loaded_or_inclined=bool(resolved_robot.carried or station.ground.incline),
     )
 
 

@@ -369,20 +369,23 @@ class LeggedRobot(LeggedGeometry):
     def add_reference(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> None:
         """Store targets as a cell for :meth:`simulate` with ``automatic`` (AddRef). Nothing moves.
 
-        A cell lasts until its targets are reached; ``duration`` is that of the way there. For arguments and errors see
-        :meth:`test_move`.
+        A cell lasts until its targets are reached. For the errors see :meth:`test_move`.
+
+        Args:
+            target_deg: target of each axis by name or alias [deg]. Axes that are left out stay.
+            duration: duration of the way to the targets [s].
         """
-        cell = move_of(target_deg, duration)
+        move = move_of(target_deg, duration)
         # Called for its errors: the targets are converted again when the cells run.
         targets_on(
             self.model,
-            cell.target_deg,
+            move.target_deg,
             message("programs.the_reference", "the reference"),
-            cell.duration,
+            move.duration,
         )
         # Only a valid cell becomes a step for `undo`.
         self._remember()
-        self.program = self.program.with_reference(cell)
+        self.program = self.program.with_reference(move)
 
     def remove(self, index: int = -1) -> None:
         """Remove a stored move from the program, by default the last one. The robot stays where it is.

@@ -261,7 +261,7 @@ class StationModel(PosedStation):
 
     def _robots_of(self, holds: Mapping[str, _Hold]) -> dict[str, str]:
         """Name of the robot whose link holds each piece, by piece."""
-        robots = {own.instance: name for name, own in self.robots.items()}
+        robots = {station_robot.instance: name for name, station_robot in self.robots.items()}
         return {piece: robots[hold.link.model_instance()] for piece, hold in holds.items()}
 
     def _find_holds(self) -> dict[str, _Hold]:
@@ -311,19 +311,21 @@ class StationModel(PosedStation):
         linear = np.zeros(3)
         # A piece on the world, or on another piece that no robot carries, is at rest.
         if carrier in self.robots:
-            own = self.robots[carrier]
+            carrier_robot = self.robots[carrier]
             # First the velocity that the axes cause, with the base at rest. The plant's velocities are then set to 0
             # again.
             plant.SetVelocities(
-                self.context, own.axis_map.spread_velocities(state.velocities[carrier])
+                self.context, carrier_robot.axis_map.spread_velocities(state.velocities[carrier])
             )
             velocity = frame.CalcSpatialVelocityInWorld(self.context)
             plant.SetVelocities(self.context, np.zeros(plant.num_velocities()))
             # The plant has the robot's base where it began: the velocities are turned as the base has turned since.
-            turned = self._moved.get(own.instance, RigidTransform()).rotation()
+            turned = self._moved.get(carrier_robot.instance, RigidTransform()).rotation()
             angular = turned @ velocity.rotational()
             linear = turned @ velocity.translational()
-            base = state.joints.get(self._base_joint(own)) if self.floats(carrier) else None
+            base = (
+                state.joints.get(self._base_joint(carrier_robot)) if self.floats(carrier) else None
+            )
             if base is not None:
                 # A moving base adds its own velocity: v + omega x r. A free joint has the angular velocity before the
                 # linear one, and the quaternion (4 numbers) before the position.
@@ -359,14 +361,14 @@ class StationModel(PosedStation):
             tool: frame of the tool.
             base: frame in which poses of the tool are computed. If it is None, the world.
         """
-        own = self.robots[robot]
+        station_robot = self.robots[robot]
         return Chain.of_plant(
             self.plant,
-            joints=own.joints,
+            joints=station_robot.joints,
             base=base or self.plant.world_frame(),
             tool=tool,
-            signs=own.axis_map.signs,
-            names=own.axes,
+            signs=station_robot.axis_map.signs,
+            names=station_robot.axes,
         )
 
     def tool_in_use(self, robot: str) -> str:
@@ -374,8 +376,10 @@ class StationModel(PosedStation):
 
         It is empty if the robot has none.
         """
-        own = self.robots[robot]
-        return tool_in_use(own.model.tools, own.held, self.config.robots[robot].tcp)
+        station_robot = self.robots[robot]
+        return tool_in_use(
+            station_robot.model.tools, station_robot.held, self.config.robots[robot].tcp
+        )
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
         """Named frame of a piece, by default its tool centre point.
@@ -394,8 +398,8 @@ class StationModel(PosedStation):
 
     def links(self, robot: str) -> list[str]:
         """Links of a robot that are none of its tools. Pieces can be fixed on them, too."""
-        own = self.robots[robot].model
-        return [link for link in own.links if link not in own.tools]
+        robot_model = self.robots[robot].model
+        return [link for link in robot_model.links if link not in robot_model.tools]
 
     def mount(self, parent: str, frame: str | None = None) -> Frame:
         """Frame of a parent on which pieces are fixed.
@@ -413,26 +417,26 @@ class StationModel(PosedStation):
             return self.piece_frame(parent, TCP if frame is None else frame)
         if parent == WORLD:
             return self.plant.world_frame()
-        own = self.robots[parent]
+        parent_robot = self.robots[parent]
         if frame is not None:
             one_of(
                 message("programs.tool_or_link", "tool or link of {parent}", parent=parent),
                 frame,
-                [*own.model.tools, *own.model.links],
+                [*parent_robot.model.tools, *parent_robot.model.links],
             )
         return self.plant.GetFrameByName(
-            flange(own.model.tools, own.model.root, frame), own.instance
+            flange(parent_robot.model.tools, parent_robot.model.root, frame), parent_robot.instance
         )
 
     def dynamics(self, robot: str) -> Dynamics:
         """Equation of motion of a robot with what it carries, while the other robots are at rest where they are now."""
-        own = self.robots[robot]
+        station_robot = self.robots[robot]
         return Dynamics(
-            own.model,
+            station_robot.model,
             self.plant,
-            own.joints,
-            tool=own.tools.get(own.tcp),
-            torque_limit=own.gains.limit_at_rest,
+            station_robot.joints,
+            tool=station_robot.tools.get(station_robot.tcp),
+            torque_limit=station_robot.gains.limit_at_rest,
             positions=self.plant.GetPositions(self.context),
         )
 

@@ -297,13 +297,13 @@ class Program(Strict):
         # A file should have only what its author has set.
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
         # Lists of numbers stay on one line, and the keys in the order of the class, as people write them.
-        how: dict[str, Any] = {
+        yaml_options: dict[str, Any] = {
             "sort_keys": False,
             "allow_unicode": True,
             "width": 120,
             "default_flow_style": None,
         }
-        return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **how))
+        return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **yaml_options))
 
     @classmethod
     def load(cls, file: Path | str) -> "Program":

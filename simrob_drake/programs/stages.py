@@ -388,19 +388,24 @@ def _targets_of_driven(model: RobotModel, target_deg: AxisValues) -> dict[str, f
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
     """Check the targets of all references of a program. There may be none.
 
+    Args:
+        robot: the robot.
+        program: the program.
+        file: file of the program for messages. It is empty if there is none.
+
     Raises:
         Unsuitable: a reference has an option `check` other than the default.
         SimrobError: a target is wrong, see :func:`targets_on`. The message names the reference, and the file if the
             text `file` is not empty.
     """
-    for number, cell in enumerate(program.references):
+    for number, reference in enumerate(program.references):
         name = reference_name(number, file)
         # A sequencer is the controller that leads the joints to the references: it checks no collisions on the way.
-        cell.refuse_check(name)
-        targets_on(robot.model, cell.target_deg, name)
+        reference.refuse_check(name)
+        targets_on(robot.model, reference.target_deg, name)
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[Move]) -> SimulationResult:
-    """Run moves of joints, one after the other, as one run."""
+    """Run moves of joints, one after the other, as one run from where the robot's reference is."""
     reference, duration = joint_reference(robot, moves)
     return robot.cell.follow({robot.name: reference}, duration)

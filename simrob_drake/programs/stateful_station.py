@@ -223,9 +223,9 @@ class StatefulStation(ABC):
             )
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         # Robots without a plan, and those whose move ends earlier, rest until the end of the run.
-        own = {plan.robot: plan.stretches for plan in plans}
+        stretches_of_plans = {plan.robot: plan.stretches for plan in plans}
         stretches = {
-            robot: until(own.get(robot, ()), self.reference(robot), end)
+            robot: until(stretches_of_plans.get(robot, ()), self.reference(robot), end)
             for robot in self.config.robots
         }
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
@@ -373,13 +373,13 @@ class StatefulStation(ABC):
             The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
         """
         # `change` marks the tape: no file can describe a run with a controller or gains of its own.
-        own = self.config
+        own_station = self.config
         self.change(station)
         try:
             return self.follow(references, duration)
         finally:
             # A floor that had to become larger stays so: the robot may stand on the new part.
-            self.change(own.model_copy(update={"floor": station.floor}))
+            self.change(own_station.model_copy(update={"floor": station.floor}))
             if forget and self.state is not None:
                 forgotten = f"controller.{forget}"
                 # The state of each block of the station, by the block's name.
@@ -400,11 +400,17 @@ class StatefulStation(ABC):
         frame: str | None = None,
         pose: PoseLike | None = None,
     ) -> None:
-        """Attach a piece to a robot; see :meth:`attach`, also for ``frame``, ``pose`` and the errors.
+        """Attach a piece to a robot; see :meth:`attach`, also for the errors.
 
         If the tool in use is a piece, such as a gripper, the new piece is attached to it. Otherwise it is attached to
-        the robot: at its first tool, unless ``frame`` names another tool or link. If ``robot`` is None, the only robot
-        of the station is meant.
+        the robot.
+
+        Args:
+            piece: name of the piece.
+            robot: name of the robot. If it is None, the only robot of the station.
+            frame: a frame of the piece in use; or a tool or link of the robot, in place of its first tool.
+            pose: pose of the piece in the frame of its new parent, to which it jumps. If it is None, the piece stays
+                where it is, and must be near.
         """
         name = self.robot_name(robot)
         tool = self.model.tool_in_use(name)
@@ -505,16 +511,16 @@ class StatefulStation(ABC):
             InvalidParameter: the value is no pose, or it is in other units than m and rad.
         """
         entry = self.config.robots[robot]
-        own = self.model.robots[robot]
+        station_robot = self.model.robots[robot]
         if isinstance(tool, str):
             one_of(
                 message("programs.tool_of_robot", "tool of {robot}", robot=robot),
                 tool,
-                [*own.tools, *own.model.links],
+                [*station_robot.tools, *station_robot.model.links],
             )
             # The same tool again keeps its offset.
             changes: dict[str, object] = (
-                {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
+                {} if tool == station_robot.tcp else {"tcp": tool, "tcp_offset": None}
             )
         else:
             offset = as_transform(tool)

@@ -436,22 +436,22 @@ def _plan_in_least_time(
     target_times = list[float]()
     begin = 0.0
     for segment in segments:
-        # The motion of this segment, and the times at which it passes its targets.
-        own: tuple[Stretch, ...]
+        # The motion of this segment, and the times `passes` at which it passes its targets.
+        own_stretches: tuple[Stretch, ...]
         # A segment without motion has no fastest law of time. It takes the least time to a target.
         if np.ptp(segment.postures, axis=0).max() < _STAYS:
-            own = (rest(segment.end, 0.0, _LEAST_TIME),)
+            own_stretches = (rest(segment.end, 0.0, _LEAST_TIME),)
             passes = np.full(len(segment.passes), _LEAST_TIME)
         elif profile == "jerk_limited":
-            own = jerk_limited(motors.station_robots, segment.postures)
-            passes = own[-1].times[-1:]
+            own_stretches = jerk_limited(motors.station_robots, segment.postures)
+            passes = own_stretches[-1].times[-1:]
         else:
             fastest = motors.fastest(segment, speed)
-            own = (fastest.stretch,)
+            own_stretches = (fastest.stretch,)
             passes = fastest.passes
-        stretches += [stretch.at(begin) for stretch in own]
+        stretches += [stretch.at(begin) for stretch in own_stretches]
         target_times += (begin + passes).tolist()
-        begin += float(own[-1].times[-1])
+        begin += float(own_stretches[-1].times[-1])
     return Plan(robot, tuple(stretches), np.array(target_times), points)
 
 

@@ -76,8 +76,8 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
     """
     if not motors.model.config.engine.moves_by_forces:
         return
-    own = motors.model.robots[robot]
-    limits = own.gains.limit_at_rest  # of each motor [N·m or N]
+    station_robot = motors.model.robots[robot]
+    limits = station_robot.gains.limit_at_rest  # of each motor [N·m or N]
     # First the torques that hold the robot still, then those of the motion.
     for speed in (0.0, 1.0):
         torques, speeds, shares = _loads(motors, robot, plan, speed)
@@ -85,7 +85,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
         row, axis = np.unravel_index(int(shares.argmax()), shares.shape)
         if shares[row, axis] <= _FULL:
             continue
-        unit = own.model.effort_units[axis]
+        unit = station_robot.model.effort_units[axis]
         needed = compound("{torques:.4g} {unit}", torques=abs(torques[row, axis]), unit=unit)
         maximum = message(
             "programs.limit_of_motor",
@@ -94,9 +94,10 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
             unit=unit,
         )
         # Limits at the speeds of the axes at this time: the lower ones for negative torques, else the upper ones.
-        if own.gains.line is not None:
+        if station_robot.gains.line is not None:
             at_speed = np.where(
-                torques[row] < 0.0, *own.gains.line.bounds(speeds[row], own.gains.torque_limit)
+                torques[row] < 0.0,
+                *station_robot.gains.line.bounds(speeds[row], station_robot.gains.torque_limit),
             )
             maximum += message(
                 "programs.limit_at_speed",
@@ -109,7 +110,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
         if speed == 0.0:
             raise TorqueLimitExceeded(
                 point.name,
-                own.axes[axis],
+                station_robot.axes[axis],
                 point=point.number,
                 time=time,
                 torque=float(torques[row, axis]),
@@ -123,7 +124,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
         # The motion itself is possible, only not in the time that the user wants: a warning is enough.
         factor = slower_factor(motors, plan)
         advice = remedy(factor, factor * plan.duration)
-        subject = compound("{point}: {axes}", point=point.name, axes=own.axes[axis])
+        subject = compound("{point}: {axes}", point=point.name, axes=station_robot.axes[axis])
         text = message(
             "programs.would_lag_behind",
             "{subject} would need {needed} at {time:.2f} s, and {maximum}, so that it lags behind",
@@ -158,8 +159,8 @@ def _largest_share(motors: Motors, plan: Plan, speed: float) -> float:
     largest = 0.0
     first_axis = 0  # index of the robot's first axis among the axes of the plan
     for robot in motors.robots:
-        own = motors.model.robots[robot]
-        axes = slice(first_axis, first_axis + len(own.axes))
+        station_robot = motors.model.robots[robot]
+        axes = slice(first_axis, first_axis + len(station_robot.axes))
         first_axis = axes.stop
         own_plan = plan if len(motors.robots) == 1 else plan.of_axes(robot, axes)
         largest = max(largest, float(_loads(motors, robot, own_plan, speed).shares.max()))
@@ -194,9 +195,9 @@ def _loads(motors: Motors, robot: str, plan: Plan, speed: float) -> _Loads:
         torques = dynamics.gravity(motion.positions)
     else:
         torques = inverse_dynamics(motion.positions, speeds, speed**2 * motion.accelerations)
-    own = motors.model.robots[robot]
-    fingers = list(own.model.fingers)  # indices of axes
+    station_robot = motors.model.robots[robot]
+    fingers = list(station_robot.model.fingers)  # indices of axes
     torques[:, fingers] = 0.0
-    shares = own.gains.torque_shares(torques, speeds)
+    shares = station_robot.gains.torque_shares(torques, speeds)
     shares[:, fingers] = 0.0
     return _Loads(torques, speeds, shares)

@@ -133,7 +133,10 @@ class StationDiagrams:
         return sorted(times)
 
     def diagram_at(self, time: float) -> ClosedStation:
-        """Return the diagram that is stepped from a time on [s], up to the next of :attr:`edges`."""
+        """Return the diagram that is stepped from a time on [s], up to the next of :attr:`edges`.
+
+        It is the diagram with the fewest blocks that gives the same motion.
+        """
         # A block of the user's own can be in one diagram only.
         if self._blocks or self._steps_whole:
             return self.whole

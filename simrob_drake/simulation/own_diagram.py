@@ -239,7 +239,7 @@ def _check_context(diagram: Diagram, context: Context) -> None:
 
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
-    """Whether any axis of a station's robots has a velocity in ``context``, a context of the root diagram."""
+    """Whether any axis of a station's robots has a velocity in ``context``, a context of the whole diagram."""
     velocities = [
         ports.outputs.value(f"{robot.prefix}velocity", context)
         for robot in ports.plant.robots.values()

@@ -290,12 +290,12 @@ class Run:
             watcher: the other callback, with the context of the stepped diagram.
         """
 
-        def watch(context: Context) -> None:
+        def call_after_repeated(context: Context) -> None:
             """Callback after each step, with the context of the stepped diagram."""
             if context.get_time() > self.repeated_until:
                 watcher(context)
 
-        return watch
+        return call_after_repeated
 
     def _whole_history(self, recorder: Recorder, stop: Stop | None) -> StateHistory:
         """States of the run: the recorded ones of the run that it continues, and then its own.
@@ -308,8 +308,8 @@ class Run:
             return recorder.history(stop.count if stop else None)
         before = self.restart.history.rows(slice(0, self.restart.row))
         # The monitors have seen the states before, too.
-        own = recorder.history(stop.count - len(before.times) if stop else None)
-        return before.with_end(own)
+        own_history = recorder.history(stop.count - len(before.times) if stop else None)
+        return before.with_end(own_history)
 
     def _step_times(self, history: StateHistory) -> Vector:
         """Start of the run and the ends of its steps [s], without steps of the run that it continues.
@@ -473,7 +473,7 @@ def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context],
     """
     last_time = -np.inf
 
-    def watch(context: Context) -> None:
+    def call_on_step(context: Context) -> None:
         """Callback of the recorder after each step, with the context of the stepped diagram."""
         nonlocal last_time
         if context.get_time() <= last_time:
@@ -485,7 +485,7 @@ def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context],
         state = ports.state.Eval(own_context)
         on_step(context.get_time(), state[: ports.plant.plant.num_positions()])
 
-    return watch
+    return call_on_step
 
 
 def sample_times(end: float, rate: float, *, begin: float = 0.0) -> Vector:

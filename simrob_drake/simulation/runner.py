@@ -242,8 +242,8 @@ class Runner:
         # The shallow copy shares the diagrams.
         other = copy(self)
         other.config = config
-        own = config.model_copy(update={"inputs": self._station.config.inputs})
-        other._station = replace(self._station, config=own)
+        own_config = config.model_copy(update={"inputs": self._station.config.inputs})
+        other._station = replace(self._station, config=own_config)
         return other
 
     @contextmanager
@@ -529,17 +529,17 @@ class Runner:
         )
         # The result's configuration names the user's blocks, so that plots and summaries can show them.
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
-        own = {
+        controllers = {
             **config.controllers,
             **{name: blocks[name] for name in blocks if name not in config.controllers},
         }
-        watch = (
+        pass_commands = (
             (lambda context: relay.pass_on(stepper.built.diagram, context))
             if callbacks.commands
             else None
         )
         # Only a motion that is repeated from its start needs its commands again. A restart's state contains them.
-        earlier_watch = (
+        repeat_commands = (
             (lambda context: earlier_relay.pass_on(stepper.built.diagram, context))
             if origin.commands
             else None
@@ -549,10 +549,12 @@ class Runner:
             on_step=callbacks.on_step,
             references=dict(plan.requested),
             start=plan.start,
-            pass_commands=watch,
-            repeat_commands=earlier_watch,
+            pass_commands=pass_commands,
+            repeat_commands=repeat_commands,
         )
-        config = relay.config_with_commands(result.config.model_copy(update={"controllers": own}))
+        config = relay.config_with_commands(
+            result.config.model_copy(update={"controllers": controllers})
+        )
         trace = result.trace
         # A run that is continued from the start of this motion needs its commands, too. If the motion began in an
         # earlier run, the configuration of that run stays. So does the trace of the final state: a run that begins
@@ -950,12 +952,12 @@ class RunBranch:
         Raises:
             InvalidParameter: a push that cannot be, or that begins before the branch.
         """
-        own = self._config.forces
+        own_forces = self._config.forces
         if pushes is None:
-            return dict(own)
+            return dict(own_forces)
         earlier = {
             name: force
-            for name, force in own.items()
+            for name, force in own_forces.items()
             if isinstance(force, Push) and force.start < self.at
         }
         forces = with_pushes(self._config, pushes).forces

@@ -79,6 +79,14 @@ class AttachMove(Move):
 
         The outlook gets the station with the attached piece, however far away the piece is now: where the robot will be
         is not known. The stage itself refuses a piece that is too far away then.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages.
+
+        Raises:
+            SimrobError: there is no such piece, parent or frame.
         """
         mount = self.mount(outlook.station, self.robot or robot.name)
         model = StationModel(outlook.station)
@@ -130,13 +138,18 @@ class ReleaseMove(Move):
     """Frame of a parent that is a piece, instead of its tool centre point."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Release the piece."""
+        """Release the piece. The move takes no time, so `run` is not used; nor is the name of the robot."""
         cell.release(self.piece, self.parent, frame=self.frame, fixed=self.fixed)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Return the stage in which a robot with legs releases the piece.
 
         The outlook gets the station with the released piece.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages.
 
         Raises:
             SimrobError: the piece is attached to nothing or cannot fall, or there is no such piece or parent.

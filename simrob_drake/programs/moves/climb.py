@@ -61,7 +61,7 @@ class ClimbMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move without the parameters of its gait, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers, without the parameters of the gait; see :meth:`Move.possible_keys`.
 
         Returns None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
         """
@@ -74,6 +74,11 @@ class ClimbMove(Move):
 
         The ground is not checked before the stage begins, because earlier moves decide where the robot stands then. The
         outlook is marked as changed, because where the climb ends is not known before.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages.
 
         Raises:
             InvalidParameter: the distance is too long for one move.

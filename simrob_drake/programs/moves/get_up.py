@@ -41,7 +41,7 @@ class GetUpMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers: all of them; see :meth:`Move.possible_keys`.
 
         Returns None if the robot has no postures for getting up, or if the station is kinematic.
         """
@@ -56,6 +56,11 @@ class GetUpMove(Move):
         """Check that the robot can get up, and return the stage in which it does.
 
         The outlook is marked as changed.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages. It is not used.
 
         Raises:
             SimrobError: see :meth:`station`.

@@ -52,7 +52,13 @@ class ToolMove(Move):
         return self
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Change the tool of the robot; see :meth:`Move.perform`."""
+        """Change the tool of the robot.
+
+        Args:
+            cell: the station.
+            robot: name of the robot if the move names none. If it is None, too, the only robot of the station.
+            run: not used, because the move takes no time.
+        """
         tool = self.name if self.pose is None else self.pose
         assert tool is not None  # the validator checked that one of them is set
         cell.tool(cell.robot_name(self.robot or robot), tool)
@@ -91,7 +97,7 @@ class FingerMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`. Returns None if the robot has no fingers.
+        """Keys that a form for this move offers; see :meth:`Move.possible_keys`. None for a robot without fingers.
 
         A kinematic station has no forces, and fingers whose shapes do not meet have neither a width nor a force.
         """
@@ -175,6 +181,14 @@ class FingerMove(Move):
         The force is limited by the effort of the motors. The effort that gives this force depends on how far the
         fingers are open: during the move the limit is that of its start, afterwards that of its end. There is no limit
         on a kinematic station, nor if no force is known; then the motors keep the limits that they have.
+
+        Args:
+            cell: the station.
+            robot: name of the robot if the move names none. If it is None, too, the only robot of the station.
+            run: function that runs the plan of the fingers.
+
+        Returns:
+            The value that `run` returns.
 
         Raises:
             Unsuitable: the gripper has a force, and the shapes of its fingers do not determine the effort for it.
@@ -279,11 +293,16 @@ class GripMove(FingerMove):
     def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
         """Largest force of each finger from now on [N]: that of the move, of the gripper, or of its motors.
 
-        It is None if the shapes of the fingers do not determine the force of the motors.
+        It is None if neither the move nor the gripper has a force, and the shapes of the fingers do not determine that
+        of the motors.
+
+        Args:
+            robot: the robot.
+            stroke: the stroke of its gripper; None if the shapes of the fingers do not determine it.
         """
-        own = self.force or super()._force(robot, stroke)
-        if own or stroke is None:
-            return own
+        own_force = self.force or super()._force(robot, stroke)
+        if own_force or stroke is None:
+            return own_force
         return min(_motors_force(robot, stroke), _USUAL_FORCE)
 
 

@@ -55,7 +55,13 @@ class JointMove(Move):
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Move an arm to the targets, straight in the joints. Axes that are coupled to them move as well.
 
-        Arguments and result are those of :meth:`Move.perform`.
+        Args:
+            cell: the station.
+            robot: name of the robot whose program it is. If it is None, the only robot.
+            run: function that runs the plan of the move.
+
+        Returns:
+            The value that `run` returns.
 
         Raises:
             Unsuitable: an axis of the move has no motor on a dynamic station.
@@ -79,7 +85,12 @@ class JointMove(Move):
         """Check the targets. The returned stage does nothing.
 
         Moves of joints that follow each other are run as one stage, which ``stages_of`` in
-        :mod:`simrob_drake.programs.stages` makes in place of theirs. For the arguments see :meth:`Move.stage`.
+        :mod:`simrob_drake.programs.stages` makes in place of theirs.
+
+        Args:
+            robot: the robot.
+            outlook: not used, because the move does not change the station.
+            name: name of the move for messages.
 
         Raises:
             Unsuitable: the move has a `check`, which only arms do; or an axis has no motor.
@@ -121,13 +132,13 @@ def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int])
     Raises:
         Unsuitable: an axis is passive.
     """
-    own = cell.robot(robot)
+    station_robot = cell.robot(robot)
     # In a kinematic station positions are set, not reached by torques.
     if not cell.config.engine.moves_by_forces:
         return
     for index in targets:
-        if own.gains.passive[index]:
-            raise passive_axis(f"target_deg.{own.axes[index]}", own.axes[index])
+        if station_robot.gains.passive[index]:
+            raise passive_axis(f"target_deg.{station_robot.axes[index]}", station_robot.axes[index])
 
 
 def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:

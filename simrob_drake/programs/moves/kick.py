@@ -50,7 +50,7 @@ class KickMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers, without the parameters of the gait; see :meth:`Move.possible_keys`.
 
         Returns None if the robot's `gaits.yaml` has no kick of the usual name.
         """
@@ -63,6 +63,11 @@ class KickMove(Move):
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can swing its foot, and return the stage that aims at the ball and kicks.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move. It stays as it is.
+            name: name of the move for messages.
 
         Raises:
             UnknownName: the station has no such ball.

@@ -51,6 +51,14 @@ class TogetherMove(Move):
         move is planned by itself, with the other arms where they are at the start. Before it runs the plans, `run`
         checks that they do not collide with each other.
 
+        Args:
+            cell: the station.
+            robot: name of the robot of a move that names none. If it is None, the only robot.
+            run: function that runs several plans at the same time.
+
+        Returns:
+            The value that `run` returns.
+
         Raises:
             SimrobError: a move cannot be done, or the moves cannot be done at the same time.
         """

@@ -64,6 +64,11 @@ class GaitMove(Move):
         The first run of the stage uses this plan if nothing has changed by then that the plan depends on. Otherwise,
         and in each further run, the stage plans again.
 
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move. It stays as it is.
+            name: name of the move for messages.
+
         Raises:
             SimrobError: the robot cannot perform the gait. The stage raises it, too, if it plans again.
         """
@@ -160,7 +165,7 @@ class GoMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers: all of them; see :meth:`Move.possible_keys`.
 
         Returns None if the robot has no walk that reacts to measurements, or if the station is kinematic.
         """
@@ -209,6 +214,11 @@ class GoMove(Move):
 
         The outlook is marked as changed, because where the walk ends is not known before.
 
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages. It is not used.
+
         Raises:
             SimrobError: see :meth:`station`.
         """
@@ -234,12 +244,12 @@ class GoMove(Move):
         walks = {
             key: section for key, section in config.controllers.items() if isinstance(section, Walk)
         }
-        own = [
+        own_walks = [
             key for key, section in walks.items() if (section.robot or config.only_robot) == robot
         ]
         # A second walking controller would move the same axes: the robot's own one gets the command.
-        if own:
-            name = own[0]
+        if own_walks:
+            name = own_walks[0]
             walk = walks[name]
         else:
             name = f"{robot}_walk" if "walk" in config.controllers else "walk"
