@@ -113,7 +113,7 @@ def release_piece(
         piece: name of the piece.
         parent: ``world``, or another piece.
         frame: frame of the parent piece instead of its tool centre point.
-        fixed: whether the piece is fixed in the world, too.
+        fixed: whether the piece stays where it is in the world of a dynamic station, too, instead of falling.
 
     Raises:
         InvalidParameter: no robot or piece holds the piece; or it would fall forever, or cannot fall without mass and

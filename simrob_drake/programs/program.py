@@ -207,11 +207,11 @@ class Program(Strict):
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
     def with_inserted_move(self, index: int, move: Move) -> "Program":
-        """Make a copy with another move.
+        """Make a copy with a further move at an index. The moves from this index on come after it.
 
         Args:
-            index: index that the move gets, from 0. Negative indices count from the end. The count of moves means the
-                end of the program.
+            index: index that the move gets, from 0. A negative index counts from the end: -1 inserts the move before
+                the last one. The count of moves means the end of the program.
             move: the move.
 
         Raises:

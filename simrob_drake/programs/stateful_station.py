@@ -476,7 +476,7 @@ class StatefulStation(ABC):
             piece: name of the piece.
             parent: ``world``, or a piece on which it is fixed from then on.
             frame: a frame of that piece, instead of its tool centre point.
-            fixed: whether the piece is fixed in the world, too.
+            fixed: whether the piece stays where it is in the world of a dynamic station, too, instead of falling.
 
         Raises:
             UnknownName: there is no such piece, parent or frame.

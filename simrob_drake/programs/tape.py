@@ -78,7 +78,7 @@ class Take:
     entry: Entry | None = None
 
     def run(self) -> SimulationResult:
-        """Run it again from the same state. The motion is the same, sample by sample."""
+        """Run this take again from the same state. The motion is the same, sample by sample."""
         references = dict(self.references)
         return simulate(
             self.config,

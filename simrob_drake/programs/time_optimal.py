@@ -123,6 +123,7 @@ class Motors:
         Raises:
             InvalidParameter: the motors could not even hold the robots on the path.
         """
+        # The path as a spline, the averaged law on it, the motion that results, and its slowdown for the motors.
         path = free_spline(segment.parts, segment.postures)
         law = _average(self._jumping_law(path, len(segment.parts), speed))
         stretch = Stretch(law.times, path(law.parts))

@@ -281,9 +281,8 @@ class Timeline:
                     at=drag.at,
                     point=drag.point,
                     start=start,
-                    targets=drag.targets[
-                        max(first - begin, 0) :
-                    ],  # without those of steps before the run
+                    # Without the targets of steps before the run.
+                    targets=drag.targets[max(first - begin, 0) :],
                     each=self._step,
                     stiffness=drag.stiffness,
                 )

@@ -205,9 +205,8 @@ class Run:
         ports = self.whole.ports
         stop = watch.stop if outcome.ending == "monitor" else None
         history = self._whole_history(recorder, stop)
-        tolerant = (
-            outcome.ending in _INCOMPLETE_ENDINGS
-        )  # values that cannot be evaluated become NaN then
+        # Values that cannot be evaluated become NaN then.
+        tolerant = outcome.ending in _INCOMPLETE_ENDINGS
         # A monitor sees the ends of steps only. In continuous time, the time at which its condition is met is searched
         # within the last step.
         if stop is not None and not self.config.engine.has_discrete_states:
@@ -499,7 +498,7 @@ def sample_times(end: float, rate: float, *, begin: float = 0.0) -> Vector:
         rate: samples per second [Hz].
         begin: start of the run [s].
     """
-    # The small number keeps rounding from losing a sample at the end.
+    # The small part of a sample time keeps rounding from losing a sample at the end.
     intervals = int(np.floor(end * rate + 1e-9))
     # A quotient of integers has one rounding. A sum of periods would collect one with each sample.
     times = np.arange(intervals + 1) / rate

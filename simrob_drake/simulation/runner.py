@@ -236,6 +236,10 @@ class Runner:
         """Make a runner of another station that uses the diagrams of this one, or return None if they do not fit.
 
         The stations may differ in references, in times and sizes of pushes, in start, duration, sample rate and name.
+        The diagrams of a runner with blocks of the user's own never fit.
+
+        Args:
+            config: the other station.
         """
         if self._blocks or _without_playable_keys(config) != _without_playable_keys(self.config):
             return None
@@ -744,8 +748,9 @@ class Runner:
             # A block of the user's own takes the place of this reference, which then moves nothing.
             if f"{robot.prefix}reference" not in self._driven:
                 check_reference(robot, references[robot.name], duration)
-            for place, reference in robot.prescribed.items():
-                check_reference(alone_on(robot, place), reference, duration)
+            # Axes whose references the station prescribes, by their index.
+            for axis, reference in robot.prescribed.items():
+                check_reference(alone_on(robot, axis), reference, duration)
 
 
 def _without_playable_keys(config: StationConfig) -> StationConfig:
@@ -754,6 +759,7 @@ def _without_playable_keys(config: StationConfig) -> StationConfig:
     Two configurations whose copies are equal can use the same diagrams: references, and times and sizes of pushes, are
     given to them for each run; duration, sample rate and start belong to the run.
     """
+    # A robot may have a reference section of its own.
     robots = {
         name: robot.model_copy(update={"reference": None}) for name, robot in config.robots.items()
     }

@@ -119,9 +119,8 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
         start: foothold (3,) of each foot at the start, by name.
     """
     transfer_time = gait.double_support * gait.step_time
-    full_step = np.array(
-        [gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)]
-    )  # ahead, left, turn
+    # Ahead [m], to the left [m] and turn to the left [rad].
+    full_step = np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
     footholds = {name: foothold.copy() for name, foothold in start.items()}
     pose = np.zeros(3)  # of the middle of the feet: x, y, turn
 
@@ -357,9 +356,8 @@ class Kick(SolvedGait):
 
     def _knot_times(self) -> Vector:
         """Times of the knots of the kicking foot's path since its lift-off, shape (5,) [s]; see :meth:`_knots`."""
-        stroke = (
-            2.0 * self.swing / self.speed
-        )  # T of the module, for the swing before or after the hit
+        # T of the module: time of the swing before the hit, and again of that after it.
+        stroke = 2.0 * self.swing / self.speed
         # From lift-off to back, hit, front and touchdown.
         return np.cumsum([0.0, self.raising, stroke, stroke, self.raising])
 

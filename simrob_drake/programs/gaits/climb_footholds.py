@@ -344,6 +344,7 @@ class BallFootholds:
         self._gait = gait
         self._distance = distance
         self._height = height
+        # The map gives points (m, 3), of which only the horizontal position counts here.
         self._map = HeightMap(lambda points: height(points[:, :2]), _BALL_HALF)
         # Position of each foot from the middle of the feet on level ground, shape (2,) [m].
         middle = np.mean([foot.home[:2] for foot in feet.values()], axis=0)
@@ -426,7 +427,7 @@ class BallFootholds:
             is_in_reach = np.abs(heights - level).max(axis=-1) <= rise
             return np.asarray(is_even & is_in_reach)
 
-        # The shortest shift that is allowed. The map returns no shift as well if none is allowed.
+        # The best shift that is allowed, with no shift before. The map returns no shift as well if none is allowed.
         shift = self._map.shift([complex(*desired)], 0j, is_allowed, level, rise)
         if not is_allowed(np.array([shift])).all():
             lacks = message(

@@ -265,9 +265,8 @@ class Gait(Strict):
             InvalidConfig: a parameter has an invalid value.
         """
         file = walker.gaits
-        gaits = file.section(
-            cls.section
-        )  # content of the file by name; empty without such a section
+        # Content of the file by the name of the gait; empty if the file has no such section.
+        gaits = file.section(cls.section)
         if name not in gaits:
             # An empty section would give a message without any name: then gaits of other kinds are proposed.
             # Walks that react to measurements are no gaits that are planned before they begin.

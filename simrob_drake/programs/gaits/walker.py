@@ -130,15 +130,13 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             message("programs.legged_robot", "a robot with feet"),
         )
     contact = model.feet.kind(kind)
-    facing = stack_poses(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[
-        0
-    ]  # as a transform (4, 4)
+    # Transform (4, 4) from the frame of the root link to that in which the robot walks along x.
+    facing = stack_poses(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
     feet = []
     for link in contact.links:
         # With all axes at zero each foot stands flat and looks ahead: this defines its upright rotation.
-        home = (
-            facing @ skeleton.links[link][1]
-        )  # pose of the link, seen from the root, when all axes are zero
+        # The pose `home` of the link is seen from the root.
+        home = facing @ skeleton.links[link][1]
         upright = home[:3, :3]
         # A box is a sole, spheres are a ball. A foot of several spheres, such as one at each corner, is flat as well.
         if link in contact.boxes:

@@ -305,8 +305,9 @@ class WholeBody:
             root: poses of the root link in the frame of the plan, shape (m, 4, 4).
 
         Returns:
-            The motion, with poses of the root in the world if the robot's root is not turned at the start.
+            The motion. In the world of its poses, the robot begins over the origin with its root not turned.
         """
+        # From walking along x to the direction in which the robot looks.
         facing = facing_rotation(-self.facing_deg)
         horizontal = np.array([1.0, 1.0, 0.0])  # keeps x and y, without the height
         positions = (root[:, :3, 3] - root[0, :3, 3] * horizontal) @ facing.T
