@@ -208,6 +208,7 @@ class Arm(ArmGeometry):
             solver=self.solver,
             frame=self.frame,
             collide=self.cell.check_collisions,
+            # Functions of robots' names. Torques are computed in a plant in which free pieces are fixed.
             motors=lambda robots: Motors(self.cell.model.rigid, robots),
             space=self.cell.free_space,
         )

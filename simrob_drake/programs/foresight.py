@@ -53,7 +53,7 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
         end = min(time, plan.duration)
         references[plan.robot] = plan.postures(np.array([end]))[0]
     at_rest = {robot: np.zeros_like(posture) for robot, posture in references.items()}
-    # A station has no state before its first run. Of the new state, only joints and blocks are used below: none.
+    # A station has no state before its first run: then its free pieces are where they begin, and no block has a state.
     before = cell.state or State(references, at_rest, references)
     after = replace(before, positions=references, velocities=at_rest, references=references)
 

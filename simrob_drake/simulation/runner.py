@@ -210,16 +210,18 @@ class Runner:
         """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built at the first run.
 
         Raises:
-            SimrobError: there is no such station, an override is invalid, or a block is none.
+            SimrobError: there is no such station, an override is invalid, or a value in `blocks` is no LeafSystem.
         """
         self.config = config_of(station, overrides)
         # Controllers of the kind `python` are blocks of the user's own, too, from code that the station's file names.
         made = own_blocks(self.config.controllers)
         self._user_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
+        # Inputs of the station that blocks drive, in place of the configuration's sources.
         self._driven = output_owners(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
-        # If nothing changes, the same object is used: it was resolved when it was loaded, which is remembered.
+        # If nothing changes, the same object is resolved: the result is known since it was loaded, so this takes no
+        # time.
         is_same = inputs == self.config.inputs
         self._station = resolve(
             self.config if is_same else self.config.model_copy(update={"inputs": inputs})

@@ -206,8 +206,8 @@ def targets_on(
         )
         # `violation.axis` counts the axes with targets only.
         name = names[indices[violation.axis]]
-        value = float(positions[violation.axis])
+        position = float(positions[violation.axis])
         # A move of joints has a single target, its point 1.
-        raise JointLimitExceeded(where, name, point=1, time=time, value=value, shown=shown)
+        raise JointLimitExceeded(where, name, point=1, time=time, value=position, shown=shown)
     # A target beyond a limit only by rounding is moved to the limit.
     return dict(zip(indices, limits.clamp(positions, where).tolist(), strict=True))
