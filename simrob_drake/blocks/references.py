@@ -657,7 +657,10 @@ class _Pieces(NamedTuple):
 
 
 def _find_pieces(trajectory: Trajectory) -> _Pieces:
-    """Find the pieces of a trajectory. A spline that is no smooth cubic counts as one without pieces."""
+    """Find the pieces of a trajectory.
+
+    A B-spline that is no smooth cubic, and a trajectory of a kind that is not known here, count as having no pieces.
+    """
     if isinstance(trajectory, BsplineTrajectory):
         knots, repetitions = np.unique(trajectory.basis().knots(), return_counts=True)
         # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times.

@@ -217,14 +217,13 @@ def balance_regulator(
     Raises:
         InvalidParameter: the robot is not in equilibrium there, or its motors cannot balance it.
     """
-    # A passive axis rests only if nothing turns it there.
-    # Torques that hold the robot there, of all axes.
+    # Torques of all axes that hold the robot there. A passive axis has no motor, so it rests only if its torque is 0.
     holding = dynamics.weights(upright)
     stiffness = dynamics.stiffness(upright)
     passive_weight = float(np.abs(holding[~driven]).max(initial=0.0))
     # The scale of the holding torques: those of an upright posture may all be zero, their derivatives are not.
-    most = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
-    if passive_weight > _BALANCED * most:
+    scale = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
+    if passive_weight > _BALANCED * scale:
         expected = message(
             "blocks.an_equilibrium",
             "an equilibrium of the passive axis, on which gravity acts with {torque:.3g} N·m there",
@@ -361,8 +360,8 @@ class SwingUp(SampledBlock):
         error = nearest_error(position - self._upright, self._turns)
         state = np.concatenate([error, velocity])
         cost = float(state @ self.regulator.cost @ state)
-        most = self._catch_cost * (_RELEASE if memory["balancing"][0] else 1.0)
-        is_balancing = cost < most
+        largest_cost = self._catch_cost * (_RELEASE if memory["balancing"][0] else 1.0)
+        is_balancing = cost < largest_cost
 
         terms = self._dynamics.terms(position, velocity)
         energy = self.energy_error(terms, position, velocity)

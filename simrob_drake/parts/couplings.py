@@ -516,7 +516,8 @@ class Gear(CouplingSection):
             offset = total / first.ratio
             plant.plant.AddCouplerConstraint(first.joint, second.joint, gear_ratio, offset)
         else:
-            # A tendon of length sum(ratios * q) - total, whose lower and upper limit are 0: the last three arguments.
+            # A tendon has the length sum(ratios * q) + offset, here with the offset -total. Its lower and its upper
+            # limit, the last two arguments, are 0, so that the sum stays at the total.
             joints = [entry.joint.index() for entry in coupled]
             ratios = [entry.ratio for entry in coupled]
             plant.plant.AddTendonConstraint(joints, ratios, -total, 0.0, 0.0)

@@ -80,7 +80,11 @@ class ForceSection(Strict, ABC):
         return None
 
     def source(self) -> LeafSystem:
-        """Create the source, whose first output is the force (3) [N], or the input of the block of `add_force_law`."""
+        """Create the source. Its first output is the force (3) [N].
+
+        For a kind with its own `add_force_law`, such as `Drag`, it is what the block of that method computes the force
+        from.
+        """
         return TrajectorySource(self.trajectory())
 
     @abstractmethod
@@ -96,7 +100,7 @@ class ForceSection(Strict, ABC):
         point: Vector,
         source: OutputPort,
     ) -> OutputPort:
-        """Add the block that computes the force from the source, if the kind needs one.
+        """Add the block that computes the force from the source, if the kind needs one. Here none is added.
 
         Args:
             builder: builder of the diagram.
@@ -107,7 +111,7 @@ class ForceSection(Strict, ABC):
             source: first output of the source.
 
         Returns:
-            The port of the force, size 3 [N], along the axes of the frame.
+            The port of the force, size 3 [N], along the axes of the frame: here the source's own port.
         """
         return source
 

@@ -371,8 +371,8 @@ class WalkPlanner:
             support: the rest of the step.
 
         Returns:
-            The rest of the step, whose weight transfer ends at once if the foot can lift, and the landing. Both are the
-            given ones if the error is within the deadband.
+            The rest of the step, whose weight transfer ends now if the swing foot may lift at once, and the landing. If
+            the error is within the deadband, they are `support` and `planned`.
         """
         feedback = self._feedback
         standing, swinging = stride.step.sides
@@ -403,7 +403,9 @@ class WalkPlanner:
         return support, self._shift_to_even_ground(stride, estimate, adjusted)
 
     def _must_brace(self, estimate: Estimate | None, xi: complex) -> bool:
-        """Check whether an error to the side is too large for a step aside. Returns False without a threshold.
+        """Check whether an error to the side is too large for a step aside.
+
+        Returns False without an estimate, and if the parameters set no `brace_threshold`.
 
         Args:
             estimate: what the sensors measure, or None to walk without feedback.
@@ -519,7 +521,7 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
 
         Returns:
-            The stride, and the height of the swing foot above the expected ground [m].
+            The stride, and the height of the swing foot above the expected ground [m], which is 0 if nothing moves.
         """
         step = stride.step
         swing = stride.swing
@@ -553,9 +555,9 @@ class WalkPlanner:
     def _ground_of_swing(self, stride: Stride, estimate: Estimate | None, share: float) -> Ground:
         """Compute the ground under the swing foot, from the height map if there is one and an estimate.
 
-        Without a map, the ground is expected to have no steps: in the first part of the swing (`_height_part`), the
-        height under the foot goes to that of the stance foot, and then stays there. With a slope, these are the heights
-        in addition to the slope.
+        Otherwise the ground is expected to have no steps: in the first part of the swing (`_height_part`), the height
+        under the foot goes to that of the stance foot, and then stays there. With a slope, these are the heights in
+        addition to the slope.
 
         Args:
             stride: state of the walk, with the swing of the last sample.
@@ -572,7 +574,7 @@ class WalkPlanner:
         )
 
     def _ground_of_map(
-        self, stride: Stride, estimate: Estimate, share: float, known: HeightMap
+        self, stride: Stride, estimate: Estimate, share: float, height_map: HeightMap
     ) -> Ground:
         """Move each swing foot towards the height of the map at its foothold.
 
@@ -585,7 +587,7 @@ class WalkPlanner:
             stride: state of the walk, with the swing of the last sample.
             estimate: what the sensors measure.
             share: share of the swing's duration at this sample.
-            known: the height map.
+            height_map: the height map.
 
         Returns:
             The ground with the height of the swing foot, and for a pair the slope of the line between its feet.
@@ -594,9 +596,9 @@ class WalkPlanner:
         offsets = self._stance.offsets[swinging]
         landing = stride.landing
         yaw = cmath.exp(1j * landing.yaw)
-        level = self._level_of(estimate, standing, known)
+        level = self._level_of(estimate, standing, height_map)
         footholds = [landing.place + yaw * offset for offset in offsets]
-        tops = known.heights([estimate.in_world(foothold) for foothold in footholds])
+        tops = height_map.heights([estimate.in_world(foothold) for foothold in footholds])
 
         # Parts of the remaining distances up and down that are done in this sample. After the first part of the swing,
         # `up` is 0. Before its end, `down` is 0.
@@ -624,16 +626,16 @@ class WalkPlanner:
             foot_tilt=slope_through(self._stance.slope_weights[swinging], heights),
         )
 
-    def _level_of(self, estimate: Estimate, group: int, known: HeightMap) -> float:
+    def _level_of(self, estimate: Estimate, group: int, height_map: HeightMap) -> float:
         """Compute the mean height of the map under the feet of the stance group [m].
 
         Args:
             estimate: what the sensors measure, with the position of the stance foot in the world.
             group: index of the stance group.
-            known: the height map.
+            height_map: the height map.
         """
         offsets = self._stance.offsets[group]
-        heights = known.heights([estimate.in_world(offset) for offset in offsets])
+        heights = height_map.heights([estimate.in_world(offset) for offset in offsets])
         return sum(heights) / len(heights)
 
     def _shift_to_even_ground(
@@ -671,7 +673,8 @@ class WalkPlanner:
     def _lift_at(self, share: float) -> float:
         """Height of the swing foot above the expected ground at a share s of the swing's duration [m].
 
-        It is lift (4 s (1 - s))^exponent, and the landing height that is reached in the first half.
+        It is lift (4 s (1 - s))^exponent plus the part of the landing height that is reached, which is all of it from
+        the middle of the swing on.
         """
         parameters = self._parameters
         landing_height = self._feedback.landing_height * smoothstep(min(2.0 * share, 1.0))
@@ -718,7 +721,7 @@ class WalkPlanner:
         return stride
 
     def _raise_swing_feet(self, stride: Stride, distances: Sequence[float]) -> Stride:
-        """Raise each foot of the swing group by its own distance [m]. Nothing changes without distances but zero."""
+        """Raise each foot of the swing group by its own distance [m]. If all distances are 0, nothing changes."""
         if not any(distances):
             return stride
         slope_weights = self._stance.slope_weights[1 - int(stride.step.standing)]
@@ -835,7 +838,7 @@ class WalkPlanner:
         # An early foot has met higher ground: its present height is that of the ground.
         ground = stride.ground._replace(height=stride.ground.height + lift)
         stride = stride._replace(ground=ground).on_the_other_foot()
-        # The walk ends side by side, and only without a command in the step that has ended.
+        # The walk ends side by side, and only if neither the present command nor that of the ended step is a motion.
         is_settled = max(distance / _END_DISTANCE, turn_back / _END_TURN) <= 1.0 and not hurries
         if is_settled and not (command.moves or stride.step.command.moves):
             middle = self.steps.middle(swinging, stride.swing.place)
@@ -850,7 +853,7 @@ class WalkPlanner:
         return 1.0 - math.exp(-rate * self._period)
 
     def _outside_deadband(self, error: complex, deadbands: float = 1.0) -> complex:
-        """Reduce an error of the divergent component by the deadband. The result is zero within the deadband.
+        """Reduce each part of an error of the divergent component by its deadband. A part within it becomes 0.
 
         Args:
             error: error ahead (real part) and to the left (imaginary part) [m].

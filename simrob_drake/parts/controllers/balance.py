@@ -164,7 +164,8 @@ class StepChooser:
         # The reach may still grow with the error. It never shrinks, or the foot would be pulled back in the air.
         part = max(before.part, step.part(balance))
         new_offset = step.offsets(time, part)
-        # The foot is down early: what is still lifted settles slowly, or the leg would kick.
+        # A foot that touches the floor early ends the step. What is still lifted then settles slowly, as after any
+        # step: a jump of the offsets would make the leg kick.
         if time > _LIFT_TIME and balance.lifted[step.foot] < _TOUCH_HEIGHT:
             time = 1.0
         new_state = StepState(step=number, time=time, part=part)
@@ -208,7 +209,7 @@ class Strategy(Strict):
         """Check that ``full`` is larger than ``beyond``, and that an axis moves.
 
         Raises:
-            ValueError: it is not, or all offsets are 0.
+            ValueError: ``full`` is not larger than ``beyond``, or all offsets are 0.
         """
         if self.full <= self.beyond:
             raise ValueError(
@@ -290,8 +291,9 @@ class Balance(LoopSection):
             station: what the station is made of.
 
         Raises:
-            SimrobError: they do not; or by the checks of the base class an axis does not exist, the station has no
-                servos, or the rate is too high.
+            SimrobError: the robot does not stand on feet of its own, or a step names a foot that it does not have; or
+                by the checks of the base class an axis does not exist, the station has no servos, or the rate is too
+                high.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
@@ -336,7 +338,7 @@ class Balance(LoopSection):
         if name in self.reads or name not in output_and_entries:
             return super().source(builder, name, robot, site, key)
         output, entries = output_and_entries[name]
-        # The rule that computes the output from the plant's state; a robot with a fixed base has no such output.
+        # The rule that computes the output from the plant's state. Without one, the input is looked up like any other.
         rule = site.outputs.of_state.get(f"{robot.prefix}{output}")
         if rule is None:
             return super().source(builder, name, robot, site, key)

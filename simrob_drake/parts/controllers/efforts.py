@@ -87,8 +87,8 @@ class ForceControl(LoopSection):
             station: what the station is made of.
 
         Raises:
-            SimrobError: there is no sensor, or no tool; or by the checks of the base class the robot does not exist,
-                the station has no servos, or the rate is too high.
+            SimrobError: the section names no force sensor, or the robot has no tool; or by the checks of the base class
+                the robot does not exist, the station has no servos, or the rate is too high.
         """
         super().check(key, station)
         check_force_is_read(self, key)
@@ -600,7 +600,8 @@ class GuardedMotors(SampledBlock):
         largest_heat = float(heat.max())
         stage = memory["stage"][0]
         if stage == _STOPPED:
-            # Motors must be cool enough not to warn, so that the robot does not stop again soon.
+            # No torque or force may be above its limit, and motors must be cool enough not to warn, so that the robot
+            # does not stop again soon.
             is_well = longest_above == pressed == 0 and largest_heat < section.warn
             return {**changes, **self._stay_stopped(memory, read, is_well=is_well)}
         # The force stops the robot whatever its motors do: axes give way to torques alone.

@@ -118,7 +118,7 @@ def _load_sequences(model: RobotModel) -> list[list[RisingGoal]]:
     """Load the postures of a robot, from its front and from its back.
 
     Raises:
-        SimrobError: there are none, or they name axes that the robot does not have.
+        SimrobError: the robot's files have no postures to get up, or the postures name axes that it does not have.
     """
     getting_up = load_getting_up(model)
     sequences = list[list[RisingGoal]]()
@@ -272,7 +272,7 @@ class Rising(SampledBlock):
         return {}
 
     def _lie(self, memory: Named, elapsed: float, time_well: float, ahead: float) -> Changes:
-        """Wait until the robot lies still, then begin the sequence for its side.
+        """Wait until the robot lies still, then count an attempt and begin the sequence for its side.
 
         Args:
             memory: memory before the sample.

@@ -542,7 +542,11 @@ class _LayeredReference:
         self._terms = [block.get_output_port()]
 
     def sum(self, name: str) -> OutputPort:
-        """Port of the sum. If there are several terms, or none with a port, a block of this name is added."""
+        """Port of the sum of all terms.
+
+        A block of this name is added, and its output becomes the only term, if there are several terms, or if the only
+        one is the reference from outside, which has no port.
+        """
         if len(self._terms) > 1 or self._terms[0] is None:
             self._replace_terms(name, Adder(len(self._terms), self._size))
         (port,) = self._terms
@@ -550,7 +554,7 @@ class _LayeredReference:
         return port
 
     def limit(self) -> OutputPort:
-        """Limit the sum to the joint limits, and return the port, which becomes the only term."""
+        """Limit the sum to the joint limits by a block, whose output becomes the only term. Returns this output."""
         # The block of the limits has one input: several terms are added up first.
         if len(self._terms) > 1:
             self.sum(f"{self._key}.limits.sum")

@@ -60,7 +60,7 @@ class Pace(Strict):
         """Check that a timeout is given if the next cell is to begin at the timeout.
 
         Raises:
-            ValueError: it is not given.
+            ValueError: ``on_timeout`` is "go_on", and no timeout is given.
         """
         if self.on_timeout == "go_on" and self.timeout is None:
             raise ValueError(
@@ -216,13 +216,13 @@ class CellSequence(SampledBlock):
         self._largest_speed = largest_speed
         self._axes = axes
         self._timeout = math.inf if section.timeout is None else section.timeout
-        number = np.zeros(1)
-        outputs = {"target": np.zeros(size), "active": number, "cell": number, "done": number}
+        zero = np.zeros(1)
+        outputs = {"target": np.zeros(size), "active": zero, "cell": zero, "done": zero}
         memory = {
             **outputs,
-            "elapsed": number,  # time since the beginning of the cell [s]
+            "elapsed": zero,  # time since the beginning of the cell [s]
             "origin": np.zeros(size),  # where the ramp of the cell begins [rad]
-            "clock": number,  # time since the first sample [s]
+            "clock": zero,  # time since the first sample [s]
         }
         # The last vector of the memory: `Sequencer.cell_times` finds it at the end of the discrete state.
         memory[REACHED] = np.full(len(targets), -1.0)
@@ -432,7 +432,7 @@ class FallGuard(LoopSection):
         """Check that at least one bound is given.
 
         Raises:
-            ValueError: none is given.
+            ValueError: neither ``height`` nor ``tilt_deg`` nor ``capture_point`` is given.
         """
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
             raise ValueError(
@@ -580,7 +580,9 @@ class ProtectivePosture(SampledBlock):
             "active": np.zeros(1),
             "elapsed": np.zeros(1),  # time since the guard acts [s]
             "origin": zero,  # where the ramp begins [rad]
-            "well": np.zeros(1),  # time since the last sample at which the robot fell [s]
+            "well": np.zeros(
+                1
+            ),  # time for which no bound has been exceeded while the guard acts [s]
         }
         super().__init__(
             period=1 / section.rate, reads=reads, memory=memory, gives=("target", "active")

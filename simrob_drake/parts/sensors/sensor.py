@@ -280,7 +280,7 @@ def _compute_after_run(
     """Compute an output of a sampled block at times of a run that is over.
 
     Args:
-        recorded: the run. The replay of the block is kept in its memo.
+        recorded: the run. The replay of the block is kept in its ``memo``, for the block's other outputs.
         times: the times, shape (m,) [s].
         block: the block.
         inputs: source of each input port of the block, by the port's name.
