@@ -120,7 +120,7 @@ class ForceSection(Strict, ABC):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             Unsuitable: the station is kinematic.
@@ -148,7 +148,7 @@ class ForceSection(Strict, ABC):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             InvalidParameter: `at` is left out, and the station has several robots, or none.
@@ -178,7 +178,7 @@ def add_force(
         site: the station under construction.
         name: name of the force.
         section: section of the force.
-        source: source of the force, which may be another one than the section's.
+        source: the section's source, which is added to the diagram here.
         caption: short description of the force for the picture of the station.
     """
     block_name = f"force.{name}"

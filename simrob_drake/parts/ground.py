@@ -101,7 +101,7 @@ class Ground:
         return np.concatenate([self._beneath_few(group) for group in groups])
 
     def _beneath_few(self, points: Vector) -> Vector:
-        """Compute the same as `beneath`, for at most `_POINTS_AT_ONCE` points. Its arrays have (boxes, points) entries."""
+        """Compute the same as `beneath`, for so few points that arrays of the size boxes times points fit in memory."""
         # The depth is measured along the normal, so the plane of that depth lies lower by depth / n_z.
         normal_z = self.floor_pose.rotation().matrix()[2, 2]
         floor_heights = self.floor_heights(points) - self.depth / normal_z

@@ -288,7 +288,7 @@ class Balance(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: the robot does not stand on feet of its own, or a step names a foot that it does not have; or

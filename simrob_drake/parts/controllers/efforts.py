@@ -84,7 +84,7 @@ class ForceControl(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: the section names no force sensor, or the robot has no tool; or by the checks of the base class
@@ -324,7 +324,7 @@ class MotorProtection(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: the section has a weight, nothing to watch, or a limit that does not fit, or a check of the

@@ -78,7 +78,7 @@ class GetUp(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: the robot does not stand on feet of its own, or its postures are missing or name axes that it

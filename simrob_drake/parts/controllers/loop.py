@@ -251,7 +251,7 @@ class LoopSection(ControllerSection):
         source = self.reads.get(name, "")
         # With several robots, the outputs of each begin with its prefix ("left."); with one robot, the prefix is empty.
         own_output = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
-        # An output that is linear in the plant's state, by a matrix, has a block that is faster than the station's own.
+        # An output with a rule from the plant's state gets a block of its own, which is faster than the station's.
         if not source and own_output in site.outputs.of_state:
             return add_output_of_state(builder, site, own_output)
         # ``reads: {position: encoders}`` means the output position.encoders, and ``reads: {force: force.left}`` the
@@ -344,8 +344,9 @@ def sensors_read(
 def add_output_of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
     """Add a block that computes an output from the plant's state by a matrix, if it is not there yet.
 
-    The station's own block of such an output, for example a base pose, is written in Python and is slower. Quaternions
-    are those of the state: they may have either sign, and their length is only 1 as precisely as the solver keeps it.
+    The station's own block of such an output, for example a base pose, is written in Python and is slower. The matrix
+    is that of the output's rule (`FromState`), without the rule's function `finish`, which normalises quaternions: those
+    of this block may have either sign, and their length is only 1 as precisely as the solver keeps it.
 
     Args:
         builder: builder of the diagram.

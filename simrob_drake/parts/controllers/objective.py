@@ -308,7 +308,7 @@ class Objective(LoopSection):
         site.picture.draw_nothing(block_name)
         rule = site.outputs.of_state.get(column.output)
         if rule is not None:
-            # The value is linear in the plant's state: reading the state directly spares the block of the output.
+            # A row of the rule's matrix picks the value from the plant's state, which spares the block of the output.
             row = rule.matrix(site.state.size())[[column.entry]]
             return add_matrix_gain(builder, block_name, row, site.state)
         # The matrix with one row that picks one entry of the output, shape (1, size).

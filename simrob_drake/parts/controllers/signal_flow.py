@@ -255,7 +255,7 @@ class SignalFlow(ControllerSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: a robot, axis, frame or block does not exist, a block is wrong or its name is taken, or the
