@@ -789,7 +789,7 @@ class WalkPlanner:
         return self._raise_swing_feet(stride._replace(step=step), distances)
 
     def _trim_speed(self, stride: Stride) -> Stride:
-        """Learn from a step that was too short or too long: add a part of the distance that it lacks to the speed.
+        """Learn from a step that was too short or too long: change `speed_trim` by a part of the distance it lacks.
 
         The step lacks the distance that the command asks for in the time that the step took, minus the distance that
         the foot has gone. The lack of a step that was too long is negative.

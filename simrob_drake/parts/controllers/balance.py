@@ -89,7 +89,10 @@ class Stepping:
     reach: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the reach for the robot's deviation from its stance: error / ``full``, from ``least`` to 1."""
+        """Part of the reach that answers the robot's deviation from its stance: e / ``full``, from ``least`` to 1.
+
+        The error e is that in the direction of the section.
+        """
         section = self.section
         error = state.error(section.measures, section.lead)
         return min(max(error / section.full, section.least), 1.0)
@@ -399,9 +402,10 @@ class Answer:
     moves: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the largest offsets for the robot's deviation from its stance, -1 to 1.
+        """Part of the largest offsets that answers the robot's deviation from its stance, -1 to 1.
 
-        It is never negative for a direction that is one side alone, such as "left".
+        It has the sign of the error in the direction of the section. For a direction that is one side alone, such as
+        "left", it is never negative.
         """
         # sign(e) clip((|e| - b) / (e_1 - b), 0, 1)
         section = self.section

@@ -115,7 +115,10 @@ class RisingGoal(NamedTuple):
 
 
 def _load_sequences(model: RobotModel) -> list[list[RisingGoal]]:
-    """Load the postures of a robot, from its front and from its back.
+    """Load the postures with which a robot gets up.
+
+    Returns:
+        Two sequences: the one from lying on the front, then the one from lying on the back.
 
     Raises:
         SimrobError: the robot's files have no postures to get up, or the postures name axes that it does not have.

@@ -345,8 +345,8 @@ def add_output_of_state(builder: DiagramBuilder, site: Site, output: str) -> Out
     """Add a block that computes an output from the plant's state by a matrix, if it is not there yet.
 
     The station's own block of such an output, for example a base pose, is written in Python and is slower. The matrix
-    is that of the output's rule (`FromState`), without the rule's function `finish`, which normalises quaternions: those
-    of this block may have either sign, and their length is only 1 as precisely as the solver keeps it.
+    is that of the output's rule (`FromState`), without the rule's function `finish`, which normalises quaternions:
+    those of this block may have either sign, and their length is only 1 as precisely as the solver keeps it.
 
     Args:
         builder: builder of the diagram.
@@ -567,13 +567,14 @@ class _LayeredReference:
     def blend(self, name: str, target: OutputPort, active: OutputPort, share: Vector) -> None:
         """Blend the sum r with a target: (1 - share) r + share target while ``active`` is 1, and r while it is 0.
 
-        It is made of Drake's primitives, so that no Python is called at each evaluation of the solver. With the lower
-        limit l of an axis, and a W larger than the range of its limits, the sum of two parts is formed that cannot be
-        negative, of which one is always zero, as W exceeds anything that r - l or target - l can be within the limits:
+        It is made of Drake's linear blocks and saturations, so that no Python is called at each evaluation of the
+        solver. They have no product with ``active``, so a switch is made of two saturated parts, of which one is 0.
+        With the lower limit l of an axis, and a W above the range of its limits, and so above r - l and target - l,
 
-            l + max(r - l - W active, 0) + max(target - l - W (1 - active), 0)
+            switch = l + max(r - l - W active, 0) + max(target - l - W (1 - active), 0)
 
-        The terms of the sum become one term, the blend.
+        is r if ``active`` is 0, and the target if it is 1. The blend is share switch + (1 - share) r. It becomes the
+        only term of the sum.
 
         Args:
             name: prefix of the names of the blocks.
@@ -607,7 +608,7 @@ class _LayeredReference:
         # The columns of all terms repeat, which adds the terms up to r.
         # Constants of the rows: -l of r, -l - W of the target, and nothing for r itself.
         constant = np.concatenate([-lower, -lower - wide[:, 0], np.zeros(size)])
-        # max(..., 0) of the two parts; r itself is not limited.
+        # The saturation: max(..., 0) for the two parts; r itself is not limited.
         least = np.concatenate([np.zeros(2 * len(axes)), np.full(size, -np.inf)])
         most = np.full(len(least), np.inf)
         # share (l + first part + second part) + (1 - share) r. The matrix `back` puts the k axes, times their shares,

@@ -359,6 +359,10 @@ class Objective(LoopSection):
             name: name of the loop in the station file.
             robot: robot that the loop drives.
             site: the station under construction.
+
+        Raises:
+            SimrobError: no output has the column, some axes with weights turn and others slide, or the section names an
+                axis that the robot does not have.
         """
         engine = site.station.engine
         # Whether an integrator of Drake's steps the whole diagram. An engine that holds inputs over steps integrates

@@ -388,9 +388,9 @@ class CapturePoint:
         # c_xy + c'_xy sqrt(z / g); the height is not negative, since a fallen robot may have its feet above itself.
         height = max(com[2] - points[2].min(), 0.0)
         capture_point = com[:2] + velocity[:2] * np.sqrt(height / self._gravity)
-        # The distance of a point from a convex area is the largest of its distances beyond the area's edge, over all
-        # directions. The edge in a direction is at the farthest point: `edges` has its distance from the capture point,
-        # shape (64,), which is negative if the capture point is beyond this edge.
+        # With unit directions d and contact points p_i, the distance of the capture point c from their convex hull is
+        # max_d (d c - max_i d p_i) = -min_d max_i d (p_i - c), negative within the hull. `edges` has the entry
+        # max_i d (p_i - c) for each direction, shape (64,): how far the hull reaches beyond c.
         edges = (_DIRECTIONS @ (points[:2] - capture_point[:, np.newaxis])).max(axis=1)
         return float(-edges.min())
 

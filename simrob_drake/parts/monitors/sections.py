@@ -627,7 +627,7 @@ class Fall(PoseMonitorSection):
             return low if low >= leaning else leaning
 
         def why(pose: Vector) -> str:
-            """Reason why the run ends."""
+            """Reason why the run ends: the pose is not finite, too low, or leans too far."""
             found = excesses(pose)
             if not found.is_finite:
                 return _not_finite(subject)

@@ -144,7 +144,7 @@ def add_sample_and_hold(
 def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[str, ...]:
     """Make the names of the result columns of a sensor's signal: ``<signal>.<sensor>.<axis>``.
 
-    A text in place of a list of axes is one of letters, such as "xyz".
+    A text in place of a list of axes stands for its letters: "xyz" for x, y and z.
     """
     return tuple(f"{signal}.{sensor}.{axis}" for axis in axes)
 
