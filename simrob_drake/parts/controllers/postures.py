@@ -285,7 +285,8 @@ class CellSequence(SampledBlock):
         elif self._section.on_timeout == "stop":
             raise RunEnds(self._timeout_text(number, late))
 
-        # The next ramp begins at the goal of this cell, not at the measured position: the target does not jump.
+        # The cell is reached, or its time is over and the section goes on all the same. The next ramp begins at the
+        # goal of this cell, not at the measured position: the target does not jump.
         is_last = number + 1 == len(self._targets)
         if is_last:
             return {**changes, "done": 1.0}
