@@ -189,9 +189,9 @@ class Regulator(NamedTuple):
         """
         # k S^-1 k' for each row k of the gain: the motor's largest squared torque on the set x' S x = 1.
         spread = np.einsum("ij,ji->i", self.gain, np.linalg.solve(self.cost, self.gain.T))
-        # Holding the posture takes u* of each limit; r k S^-1 k' may reach the square of the rest.
-        left = np.maximum(torque_limit - np.abs(self.torque), 0.0)
-        return float(np.min(left**2 / spread))
+        # Holding the posture takes the part u* of each limit. The square of the remaining part bounds r k S^-1 k'.
+        remaining = np.maximum(torque_limit - np.abs(self.torque), 0.0)
+        return float(np.min(remaining**2 / spread))
 
 
 def balance_regulator(
@@ -387,7 +387,8 @@ class SwingUp(SampledBlock):
             position: positions, shape (n,) [rad or m].
             velocity: velocities, shape (n,) [rad/s or m/s].
         """
-        # E = v' M v / 2 + U(q). With the other velocities at 0, only M_pp of the passive axis counts.
+        # E = v' M v / 2 + U(q). For the energy of the passive axis alone, the velocities of the driven axes are
+        # replaced by 0, which leaves M_pp v_p² / 2.
         counted = np.where(self._driven, 0.0, velocity) if self._gains.of_passive_axis else velocity
         kinetic = 0.5 * float(counted @ terms.mass @ counted)
         return kinetic + self._dynamics.potential_energy(position) - self._upright_energy

@@ -381,8 +381,8 @@ class CoupledJoint(NamedTuple):
 
     Attributes:
         joint: the joint.
-        ratio: factor of the joint's position in the gear's equation. It counts in the joint's own sense, which may be
-            opposite to the sense of the robot's axis.
+        ratio: factor of the joint's position in the gear's equation: the ratio of the robot's axis, with the opposite
+            sign if the positive sense of the axis is opposite to that of the joint.
     """
 
     joint: Joint
@@ -481,7 +481,7 @@ class Gear(CouplingSection):
         coupled = []
         for robot in plant.robots.values():
             ratios = self._axis_ratios(robot)
-            # The sense of a robot's axis may be opposite to that of its joint: q_axis = sign q_joint.
+            # The positive sense of an axis may be opposite to that of its joint: q_axis = sign q_joint.
             for joint, axis, ratio in zip(
                 robot.joints, robot.model.axes.values(), ratios, strict=True
             ):

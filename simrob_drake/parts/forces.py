@@ -262,8 +262,8 @@ class Push(ForceSection):
         """Force over time, shape (3, 1) [N]: zero, the force from `start` on, and zero again from `end` on."""
         force = np.array(self.force)
         zero = np.zeros(3)
-        # A hold keeps each value until the next time. Its last value counts after the last time, which comes after all
-        # others.
+        # A hold keeps each value until the next time, and the last value from the last time on. It needs a value at the
+        # last time, so the zero after the push is given twice.
         times = [self.start, self.end, self.end + 1.0]
         values = [force, zero, zero]
         # A hold has its first value also before its first time: a later push needs a zero in front.

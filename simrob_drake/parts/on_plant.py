@@ -133,7 +133,7 @@ def add_joint_servos(
                 instance=plant.GetModelInstanceName(owner),
             )
         )
-    # Joints count in their own sense here: only axes of a station's robots may have a sign.
+    # Values are those of the joints, without signs: only axes of a station's robots may be opposite to their joints.
     axes = AxisMap.of_joints(plant, found)
 
     def add_input(port: str) -> PassThrough:

@@ -1,4 +1,4 @@
-"""Registry of a station's outputs: ports by name, what they are in results, and the monitors that watch them.
+"""Registry of a station's outputs: ports by name, their columns in results, and the monitors that watch them.
 
 An *output* is a port of a block in the station, such as ``position``. Its *signals* declare the columns that it has in
 results, with units and plots. Values of many outputs can be computed in two ways: from their ports, in a context of the
@@ -101,7 +101,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
     outputs have the prefix ``<robot>.``.
 
     Attributes:
-        signals: what the outputs are in results, in the order of the columns.
+        signals: columns of the outputs in results, with units and plots, in the order of the columns.
         of_state: rules that compute outputs from states of the plant, by the output's name.
         after_run: functions that compute outputs without a port after the run, by the output's name.
         images: what cameras show to blocks of the user's own, by name, such as ``image.<sensor>``.

@@ -364,7 +364,7 @@ class Body:
             trunk: desired rotation of the root from upright and looking along x, shape (3, 3).
             feet: desired poses of the soles' frames, shape (feet, 3, 4) [1, m]: positions from the root, in the level
                 axes from which `trunk` is the rotation.
-            rounds: count of Newton steps. One is enough for a reference that goes on from the last sample's.
+            rounds: count of Newton steps. One is enough if the desired poses have only moved on by one sample.
 
         Returns:
             The posture, shape (n,) [rad]. Axes that are in no leg stay.

@@ -799,7 +799,7 @@ class WalkPlanner:
         commanded = self.steps.plan_landing(step.sides[1], step.command)
         lack = commanded.place - stride.swing.place
         # A step that took longer than planned lacks more, and one that ended early lacks less. The distance of the foot
-        # is that of the robot divided by the roll factor: feet that are balls roll on by the rest.
+        # is that of the robot divided by the roll factor: feet that are balls roll over the remaining distance.
         extra_time = step.time - step.nominal
         lack += extra_time / self._stance.roll_factor * step.speed
 
@@ -829,9 +829,9 @@ class WalkPlanner:
             The state as seen from the foot that has landed, with the next step, or of a robot that stands.
         """
         swinging = stride.step.sides[1]
-        # Where the foot would stand at the end of a walk: next to the other one.
-        usual = Landing(stride.landing.time, self.steps.apart[swinging])
-        side_by_side = self._shift_to_even_ground(stride, estimate, usual)
+        # Where the foot would stand at the end of a walk: next to the stance foot, on even ground.
+        next_to_stance_foot = Landing(stride.landing.time, self.steps.apart[swinging])
+        side_by_side = self._shift_to_even_ground(stride, estimate, next_to_stance_foot)
         distance = abs(stride.swing.place - side_by_side.place)
         turn_back = abs(stride.corrections.turn_back)
 

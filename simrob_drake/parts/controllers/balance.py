@@ -13,7 +13,7 @@ on. The trunk or an arm that swings then balances the rest:
     \Delta q_i = a_i \,\mathrm{sign}(e)\, \mathrm{clip}\Bigl(\frac{|e| - b}{e_1 - b}, 0, 1\Bigr) .
 
 A *capture step* sets one foot where the robot falls. In the code, the *part* of a strategy or of a step is the factor
-of its offsets, from 0 to 1; a strategy for both directions has parts from -1 to 1.
+of its offsets, from 0 to 1; a strategy for both directions has parts from -1 to 1. For prismatic axes, read m for rad.
 """
 
 import math

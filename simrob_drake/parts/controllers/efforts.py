@@ -2,7 +2,7 @@
 
 A loop moves the reference of its robot, to which the servos move the axes. Its output ``offset`` is added to the
 reference; its output ``target`` replaces the reference while its output ``active`` is 1. Its input ``asked`` is the
-reference below it, with the changes of other loops of lower priority.
+reference below it, with the changes of other loops of lower priority. For prismatic axes, read m for rad and N for N·m.
 """
 
 import math

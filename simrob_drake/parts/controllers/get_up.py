@@ -36,7 +36,7 @@ _FALLEN_HEIGHT = 0.7
 _REST_TIME = 0.3
 # Time for which the robot must stand before the loop ends [s].
 _STANDING_TIME = 1.0
-# Longest time that the loop waits for either [s].
+# Longest time that the loop waits for the robot to lie still, or to stand [s].
 _PATIENCE = 2.0
 # Largest component of the velocity of a robot at rest [m/s, rad/s].
 _REST_SPEED = 0.2

@@ -181,7 +181,7 @@ class LoopSection(ControllerSection):
             robot: robot of the loop.
 
         Returns:
-            A sentence for each of them; none for most kinds.
+            A sentence for each such setting. Kinds that have some override this method; here the list is empty.
         """
         return []
 

@@ -3,7 +3,8 @@ r"""Loop that brings a measured quantity to a desired value by joints that move 
 No joint angles are given: the robot finds its own (the thesis, automatic control with an objective, p. 102 to 107). The
 *quantity* is any column of the station's results, such as the height of the base. Its desired value at the moment is
 the *setpoint*, which moves to the *targets* of the section, one after the other. A PI law computes the *effort* u from
-the error of the quantity, and an axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`.
+the error of the quantity, and an axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`. For prismatic axes,
+read m for rad.
 """
 
 import math
@@ -479,7 +480,7 @@ class WeightedObjective(SampledBlock):
     Ports:
         in  ``measured`` (1): the quantity; with a posture also ``reference`` (n) [rad]: start of the ramp to it.
         out ``offset`` (n) [rad], added to the reference; ``error`` (1): setpoint minus quantity; with a posture also
-        ``target`` (n) [rad]: positions of the axes on their way to it, which count while ``active`` (1) is 1.
+        ``target`` (n) [rad]: positions on the way to it, which replace the reference while ``active`` (1) is 1.
     """
 
     def __init__(

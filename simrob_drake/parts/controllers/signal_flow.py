@@ -528,7 +528,7 @@ class _FlowNet:
                     self._measured_sizes[element.owner] = site.outputs[element.owner].size()
 
     def _elements_read(self, block: str) -> list[_Element]:
-        """Numbers that a block reads, input after input; some of them perhaps several times."""
+        """Numbers that a block reads, input after input. A number that several terms name is listed several times."""
         return [term.element for terms in self._inputs[block] for term in terms]
 
     def add(
