@@ -93,11 +93,10 @@ class CouplingSection(Strict, ABC):
     def is_held(self, engine: Engine) -> bool:
         """Whether the engine (solver) of a station can hold this coupling, by a constraint or by stiff springs.
 
-        It is True, too, for a soft spring, which holds nothing together, and in a kinematic station, whose references
-        obey the couplings.
+        It is True, too, for a soft spring, which holds nothing together. In a kinematic station, where no engine holds
+        anything, it is always True; `check` finds couplings that references do not obey.
         """
-        # In a kinematic station no engine holds a coupling: the references obey it. A coupling that is no constraint, a
-        # soft spring, can be simulated by any engine.
+        # A coupling that is no constraint is a soft spring, which any engine can simulate.
         if not engine.moves_by_forces or not self.constrains:
             return True
         is_held_by_springs = self.has_springs and engine.holds_stiff_springs

@@ -82,8 +82,8 @@ class ForceSection(Strict, ABC):
     def source(self) -> LeafSystem:
         """Create the source. Its first output is the force (3) [N].
 
-        For a kind with its own `add_force_law`, such as `Drag`, it is what the block of that method computes the force
-        from.
+        For a kind with its own `add_force_law`, such as `Drag`, it is another signal over time, from which the block of
+        that method computes the force.
         """
         return TrajectorySource(self.trajectory())
 
@@ -116,7 +116,7 @@ class ForceSection(Strict, ABC):
         return source
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that the station is moved by forces, and that it has what the force acts on.
+        """Check that forces move the station, and that the body at which the force acts exists.
 
         Args:
             key: key of the section, for errors.
@@ -252,8 +252,8 @@ class Push(ForceSection):
         """Times at which a solver's step must end [s]: begin and end of the push, and just before each of them.
 
         An integration scheme that keeps its inputs constant during a step would miss a part of a push that begins
-        within the step. A scheme that evaluates the force at the end of a step finds the force of after the edge there:
-        so the step that ends at an edge is as short as possible.
+        within the step. A scheme that evaluates the force at the end of a step would take the force after the edge for
+        the whole step that ends there: so this step is as short as possible.
         """
         edges = (self.start - _JUST_BEFORE, self.start, self.end - _JUST_BEFORE, self.end)
         return tuple(edge for edge in edges if edge >= 0)

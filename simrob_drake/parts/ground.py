@@ -88,7 +88,7 @@ class Ground:
         """Compute the height z in the world of the highest ground beneath each of m points.
 
         The plane of the floor, lowered by `depth`, is ground for every point, also for a point below it, and also in a
-        station without a floor. The top of a box is ground only for points that are above it.
+        station without a floor. The top of a box is ground for points above it, or less than `_CONTACT_DEPTH` below it.
 
         Args:
             points: shape (m, 3) [m].

@@ -568,13 +568,13 @@ class _LayeredReference:
         """Blend the sum r with a target: (1 - share) r + share target while ``active`` is 1, and r while it is 0.
 
         It is made of Drake's linear blocks and saturations, so that no Python is called at each evaluation of the
-        solver. They have no product with ``active``, so a switch is made of two saturated parts, of which one is 0.
-        With the lower limit l of an axis, and a W above the range of its limits, and so above r - l and target - l,
+        solver. They have no product with ``active``, so a switch is made of two saturated parts, of which at least one
+        is 0. With the lower limit l of an axis, and a W larger than the range of its limits,
 
             switch = l + max(r - l - W active, 0) + max(target - l - W (1 - active), 0)
 
-        is r if ``active`` is 0, and the target if it is 1. The blend is share switch + (1 - share) r. It becomes the
-        only term of the sum.
+        is r if ``active`` is 0, and the target if it is 1, as long as both are within the limits: then W is above r - l
+        and target - l. The blend is share switch + (1 - share) r. It becomes the only term of the sum.
 
         Args:
             name: prefix of the names of the blocks.
@@ -583,7 +583,7 @@ class _LayeredReference:
             share: share of the target for each axis, shape (n,), 0 to 1.
         """
         size = self._size
-        # The other axes need no blend: fewer rows make the block faster.
+        # Indices of the k axes with a share. The other axes need no blend, and fewer rows make the block faster.
         axes = np.flatnonzero(share)
         term_count = len(self._terms)
         all_lower, all_upper = self._limits
