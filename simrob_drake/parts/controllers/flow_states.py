@@ -401,7 +401,8 @@ class Pid(Bounded, FlowBlock):
 
     def _filter_update(self, x: Values, u: Values) -> Any:
         """Compute the derivative of the filter's state, or if sampled its next value."""
-        # Without a filter, which only a sampled block can be, the state is d e of the sample before.
+        # Only a sampled block may have no filter. Then the next state is d e of this sample, which the next sample
+        # subtracts from its own.
         if self.filter is None:
             return self.d * u[-1]
         rate = self._derivative_part(x, u)

@@ -57,7 +57,8 @@ def declare_output(
         name: name of the controller.
         port: port of the output.
         unit: unit of all values, or the unit of each value, separated by commas, such as "m/s, rad/s".
-        robot: robot that the controller drives. If it is None, all robots are considered.
+        robot: robot that the controller drives, whose axes may name the values. If it is None, the first robot with as
+            many axes as values names them.
         axes: axes whose values become columns. All values become columns if it is None, or if they are not values of
             axes.
         called: name of the output. If it is empty, the port's name is used.

@@ -316,7 +316,8 @@ class SignalFlow(ControllerSection):
             builder: builder of the diagram.
             site: the station under construction.
             name: name of the flow.
-            monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
+            monitors: whether stops get blocks that end the run. Otherwise they are only registered in the station's
+                outputs, for the code that steps the station to evaluate.
             integrated: whether the diagram may have continuous states. Drake then asks all systems for derivatives,
                 also a net without states.
 
@@ -436,7 +437,8 @@ def add_flows(
         builder: builder of the diagram.
         site: the station under construction.
         flows: the flows, by name.
-        monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
+        monitors: whether stops get blocks that end the run. Otherwise they are only registered in the station's
+            outputs, for the code that steps the station to evaluate.
         integrated: whether other parts of the diagram may have continuous states.
 
     Raises:
