@@ -51,7 +51,10 @@ class Contacts:
 
     @classmethod
     def of(cls, results: "ContactResults | Contacts") -> "Contacts":
-        """Read the contacts from Drake's contact results. Contacts of another engine are returned as they come."""
+        """Read the contacts from Drake's contact results. Surfaces without area, which have no force, are left out.
+
+        Contacts of another engine are returned as they come.
+        """
         if isinstance(results, Contacts):
             return results
 

@@ -257,7 +257,8 @@ def cruise_to(
     if not is_moving.any():
         return hold(target)
 
-    # All axes follow one law of the part 0 to 1 of their distance, within the strictest limit.
+    # One law gives the part of its distance that each axis has gone, from 0 to 1. A limit of an axis over its distance
+    # is a limit of this part, and the lowest of all axes counts.
     lengths = np.abs(distances[is_moving])
     speed = float((speeds[is_moving] / lengths).min())
     acceleration = float((accelerations[is_moving] / lengths).min())

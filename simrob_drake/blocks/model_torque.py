@@ -7,7 +7,7 @@ torque. For the measured state without acceleration it is the torque that keeps 
 
 A robot's axes are the coordinates of its servos; `AxisMap` converts between axes and the joints of the plant. Its
 matrices pick the values of the axes from a vector of the plant, with the signs +1 or -1 of axes in the sense of their
-joints or against it. Their transposes put the values back.
+joints or against it. Their transposes put the values back. For prismatic axes, read N for N·m.
 """
 
 from collections.abc import Sequence

@@ -9,7 +9,8 @@ with the servos' torques :math:`\tau`, the external torques :math:`\tau_{ext}`, 
 
 .. math:: \bar\tau_k = (p_k - p_{k-1})/h - (\tau_k + f_k + \tau_{k-1} + f_{k-1})/2 .
 
-It passes a first-order filter, :math:`r_k = r_{k-1} + (1 - e^{-K h})(\bar\tau_k - r_{k-1})`.
+It passes a first-order filter, :math:`r_k = r_{k-1} + (1 - e^{-K h})(\bar\tau_k - r_{k-1})`. For prismatic axes, read
+N for N·m.
 
 Source: De Luca, Albu-Schäffer, Haddadin, Hirzinger, "Collision Detection and Safe Reaction with the DLR-III
 Lightweight Manipulator Arm", IROS 2006; here in discrete time.

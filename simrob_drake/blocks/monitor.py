@@ -78,7 +78,7 @@ class Trigger:
         """
         if not self.holds(time, values):
             return NOT_YET
-        # A condition that goes on holding keeps its first onset, else `hold` would never pass.
+        # A condition that held before keeps its onset. With a new onset at each step, it would never last for `hold`.
         return time if onset == NOT_YET else onset
 
     def ends_run(self, onset: float, time: float) -> bool:

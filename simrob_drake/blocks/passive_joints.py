@@ -113,7 +113,7 @@ def set_friction(
         brake.set_controller_gains(PdControllerGains(p=0.0, d=effort_limit / speed))
         joint_motor = motor_of_joint.get(joint.index())
         if joint_motor is not None:
-            # Drake counts the rotor inertia of a joint's last actuator only, so the brake takes over the motor's rotor.
+            # Drake uses the rotor inertia of a joint's last actuator only, so the brake takes over the motor's rotor.
             brake.set_default_gear_ratio(joint_motor.default_gear_ratio())
             brake.set_default_rotor_inertia(joint_motor.default_rotor_inertia())
             joint_motor.set_default_rotor_inertia(0.0)

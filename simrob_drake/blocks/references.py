@@ -88,7 +88,7 @@ class ReferenceSignal(ABC):
 
     @abstractmethod
     def later(self, time: float) -> "Reference":
-        """The reference as it goes on from a time [s], which becomes zero."""
+        """Shift the reference in time, so that `time` [s] becomes zero."""
 
     @abstractmethod
     def as_sine(self) -> "SineReference | None":
@@ -193,7 +193,7 @@ class SineReference(ReferenceSignal):
         return []
 
     def later(self, time: float) -> "SineReference":
-        """The sine as it goes on from a time [s], which becomes zero."""
+        """Shift the sine in time, so that `time` [s] becomes zero."""
         # sin(w (t + T) + phi) = sin(w t + (phi + w T)): a shift in time is one of the phase.
         return replace(self, phase=self.phase + 2 * np.pi * self.frequency * time)
 
@@ -330,7 +330,7 @@ class TrajectoryReference(ReferenceSignal):
         # A constant has infinite ends, and the same position there.
         position = self.values(np.array([start]))[0]
         if np.isfinite([start, end]).all():
-            # A motion to and fro ends where it began, so the samples in between count, too.
+            # A motion that returns ends where it began, so the samples in between are compared, too.
             samples = hermite_samples(self.trajectory, start, end, _RATE)
             largest_distance = np.abs(samples.positions - position).max(initial=0.0)
             largest_speed = np.abs(samples.velocities).max(initial=0.0)
@@ -657,7 +657,10 @@ class _Pieces(NamedTuple):
 
 
 def _find_pieces(trajectory: Trajectory) -> _Pieces:
-    """Find the pieces of a trajectory. A spline that is no smooth cubic counts as one without pieces."""
+    """Find the pieces of a trajectory.
+
+    A B-spline that is no smooth cubic, and a trajectory of a kind that is not known here, count as having no pieces.
+    """
     if isinstance(trajectory, BsplineTrajectory):
         knots, repetitions = np.unique(trajectory.basis().knots(), return_counts=True)
         # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times.

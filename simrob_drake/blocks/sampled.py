@@ -1,7 +1,7 @@
 """Blocks that take samples: at every period they read their inputs and change their memory.
 
-A sampled block has named vectors in its memory. Its outputs are some of these vectors, perhaps as they were some
-samples ago. A subclass states what is read and remembered, and implements `SampledBlock.sample`: the changes at a
+A sampled block has named vectors in its memory. Its outputs are some of these vectors, late by some samples if the
+block has a delay. A subclass states what is read and remembered, and implements `SampledBlock.sample`: the changes at a
 sample.
 """
 
@@ -148,7 +148,7 @@ class SampledBlock(Block):
 
     Ports:
         in  the vectors that the block reads, each by its name.
-        out the parts of its memory that the block names, perhaps as they were some samples ago.
+        out the parts of its memory that the block names, late by its delay.
     """
 
     units: Mapping[str, str] = MappingProxyType({})
@@ -219,7 +219,8 @@ class SampledBlock(Block):
     def set_output(self, context: Context, name: str, values: Vector) -> None:
         """Set the memory of an output in a context of the block. It stays until a sample changes it.
 
-        Without a delay, the output's port gives these values at once. With a delay, its value does not change.
+        Without a delay, the output's port gives these values at once. With a delay, the port keeps its value: the new
+        ones enter the delay at the next sample, unless that sample changes them.
 
         Args:
             context: context of the block.

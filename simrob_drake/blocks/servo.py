@@ -105,8 +105,9 @@ class MotorLine:
     def bounds(self, speed: Vector, limit: Vector) -> tuple[Vector, Vector]:
         """Compute the least and the largest torque at a speed.
 
-        A limit that equals the stall torque is no limit of its own: while a motor is turned against its torque, it has
-        more than its stall torque.
+        A limit at or above the stall torque has no effect: a motor that is turned against its torque gives more than
+        its stall torque, and may give more than the limit. Only a limit below the stall torque holds at any speed (see
+        `cap`).
 
         Args:
             speed: speeds of the axes, shape (..., n) [rad/s].

@@ -189,9 +189,9 @@ class Regulator(NamedTuple):
         """
         # k S^-1 k' for each row k of the gain: the motor's largest squared torque on the set x' S x = 1.
         spread = np.einsum("ij,ji->i", self.gain, np.linalg.solve(self.cost, self.gain.T))
-        # Holding the posture takes u* of each limit; r k S^-1 k' may reach the square of the rest.
-        left = np.maximum(torque_limit - np.abs(self.torque), 0.0)
-        return float(np.min(left**2 / spread))
+        # Holding the posture takes the part u* of each limit. The square of the remaining part bounds r k S^-1 k'.
+        remaining = np.maximum(torque_limit - np.abs(self.torque), 0.0)
+        return float(np.min(remaining**2 / spread))
 
 
 def balance_regulator(
@@ -217,14 +217,13 @@ def balance_regulator(
     Raises:
         InvalidParameter: the robot is not in equilibrium there, or its motors cannot balance it.
     """
-    # A passive axis rests only if nothing turns it there.
-    # Torques that hold the robot there, of all axes.
+    # Torques of all axes that hold the robot there. A passive axis has no motor, so it rests only if its torque is 0.
     holding = dynamics.weights(upright)
     stiffness = dynamics.stiffness(upright)
     passive_weight = float(np.abs(holding[~driven]).max(initial=0.0))
     # The scale of the holding torques: those of an upright posture may all be zero, their derivatives are not.
-    most = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
-    if passive_weight > _BALANCED * most:
+    scale = max(float(np.abs(stiffness).max()), float(np.abs(holding).max()))
+    if passive_weight > _BALANCED * scale:
         expected = message(
             "blocks.an_equilibrium",
             "an equilibrium of the passive axis, on which gravity acts with {torque:.3g} N·m there",
@@ -361,8 +360,8 @@ class SwingUp(SampledBlock):
         error = nearest_error(position - self._upright, self._turns)
         state = np.concatenate([error, velocity])
         cost = float(state @ self.regulator.cost @ state)
-        most = self._catch_cost * (_RELEASE if memory["balancing"][0] else 1.0)
-        is_balancing = cost < most
+        largest_cost = self._catch_cost * (_RELEASE if memory["balancing"][0] else 1.0)
+        is_balancing = cost < largest_cost
 
         terms = self._dynamics.terms(position, velocity)
         energy = self.energy_error(terms, position, velocity)
@@ -388,7 +387,8 @@ class SwingUp(SampledBlock):
             position: positions, shape (n,) [rad or m].
             velocity: velocities, shape (n,) [rad/s or m/s].
         """
-        # E = v' M v / 2 + U(q). With the other velocities at 0, only M_pp of the passive axis counts.
+        # E = v' M v / 2 + U(q). For the energy of the passive axis alone, the velocities of the driven axes are
+        # replaced by 0, which leaves M_pp v_p² / 2.
         counted = np.where(self._driven, 0.0, velocity) if self._gains.of_passive_axis else velocity
         kinetic = 0.5 * float(counted @ terms.mass @ counted)
         return kinetic + self._dynamics.potential_energy(position) - self._upright_energy

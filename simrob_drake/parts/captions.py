@@ -90,8 +90,8 @@ def shown_values(values: Vector) -> str:
         values: the values, shape (n,).
 
     Returns:
-        Their common value if they look equal, such as "100"; otherwise all of them if they are few, such as "80, 100";
-        otherwise their range, such as "5 to 100".
+        Their common value if they look equal, such as "100"; otherwise all of them if they are at most `MANY`, such as
+        "80, 100"; otherwise their range, such as "5 to 100".
     """
     # Compared as texts: values that differ beyond the fourth digit alone look equal, and are shown once.
     texts = [with_decimal_sign(f"{value:.4g}") for value in values]

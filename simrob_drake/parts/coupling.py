@@ -93,10 +93,10 @@ class CouplingSection(Strict, ABC):
     def is_held(self, engine: Engine) -> bool:
         """Whether the engine (solver) of a station can hold this coupling, by a constraint or by stiff springs.
 
-        It is True, too, if the engine has nothing to hold.
+        It is True, too, for a soft spring, which holds nothing together. In a kinematic station, where no engine holds
+        anything, it is always True; `check` finds couplings that references do not obey.
         """
-        # Nothing has to be held in a kinematic station, where the references obey couplings, nor by a coupling that
-        # consists of soft springs only, which any engine can simulate.
+        # A coupling that is no constraint is a soft spring, which any engine can simulate.
         if not engine.moves_by_forces or not self.constrains:
             return True
         is_held_by_springs = self.has_springs and engine.holds_stiff_springs

@@ -381,8 +381,8 @@ class CoupledJoint(NamedTuple):
 
     Attributes:
         joint: the joint.
-        ratio: factor of the joint's position in the gear's equation. It counts in the joint's own sense, which may be
-            opposite to the sense of the robot's axis.
+        ratio: factor of the joint's position in the gear's equation: the ratio of the robot's axis, with the opposite
+            sign if the positive sense of the axis is opposite to that of the joint.
     """
 
     joint: Joint
@@ -481,7 +481,7 @@ class Gear(CouplingSection):
         coupled = []
         for robot in plant.robots.values():
             ratios = self._axis_ratios(robot)
-            # The sense of a robot's axis may be opposite to that of its joint: q_axis = sign q_joint.
+            # The positive sense of an axis may be opposite to that of its joint: q_axis = sign q_joint.
             for joint, axis, ratio in zip(
                 robot.joints, robot.model.axes.values(), ratios, strict=True
             ):
@@ -516,7 +516,8 @@ class Gear(CouplingSection):
             offset = total / first.ratio
             plant.plant.AddCouplerConstraint(first.joint, second.joint, gear_ratio, offset)
         else:
-            # A tendon of length sum(ratios * q) - total, whose lower and upper limit are 0: the last three arguments.
+            # A tendon has the length sum(ratios * q) + offset, here with the offset -total. Its lower and its upper
+            # limit, the last two arguments, are 0, so that the sum stays at the total.
             joints = [entry.joint.index() for entry in coupled]
             ratios = [entry.ratio for entry in coupled]
             plant.plant.AddTendonConstraint(joints, ratios, -total, 0.0, 0.0)

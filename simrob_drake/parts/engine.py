@@ -100,7 +100,7 @@ class PlantBlock(Protocol):
     """A Drake system in place of Drake's plant in the diagram of a station, with the same ports and names.
 
     n is the number of positions of the plant (nq) plus that of its velocities (nv). The state of the block is that of
-    the plant in Drake's order, so that records of a run mean the same.
+    the plant in Drake's order, so that recorded states are read in the same way.
     """
 
     outputs: dict[str, int]

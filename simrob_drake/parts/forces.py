@@ -80,7 +80,11 @@ class ForceSection(Strict, ABC):
         return None
 
     def source(self) -> LeafSystem:
-        """Create the source, whose first output is the force (3) [N], or the input of the block of `add_force_law`."""
+        """Create the source. Its first output is the force (3) [N].
+
+        For a kind with its own `add_force_law`, such as `Drag`, it is another signal over time, from which the block of
+        that method computes the force.
+        """
         return TrajectorySource(self.trajectory())
 
     @abstractmethod
@@ -96,7 +100,7 @@ class ForceSection(Strict, ABC):
         point: Vector,
         source: OutputPort,
     ) -> OutputPort:
-        """Add the block that computes the force from the source, if the kind needs one.
+        """Add the block that computes the force from the source, if the kind needs one. Here none is added.
 
         Args:
             builder: builder of the diagram.
@@ -107,16 +111,16 @@ class ForceSection(Strict, ABC):
             source: first output of the source.
 
         Returns:
-            The port of the force, size 3 [N], along the axes of the frame.
+            The port of the force, size 3 [N], along the axes of the frame: here the source's own port.
         """
         return source
 
     def check(self, key: str, station: StationContents) -> None:
-        """Check that the station is moved by forces, and that it has what the force acts on.
+        """Check that forces move the station, and that the body at which the force acts exists.
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             Unsuitable: the station is kinematic.
@@ -144,7 +148,7 @@ class ForceSection(Strict, ABC):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             InvalidParameter: `at` is left out, and the station has several robots, or none.
@@ -174,7 +178,7 @@ def add_force(
         site: the station under construction.
         name: name of the force.
         section: section of the force.
-        source: source of the force, which may be another one than the section's.
+        source: the section's source, which is added to the diagram here.
         caption: short description of the force for the picture of the station.
     """
     block_name = f"force.{name}"
@@ -248,8 +252,8 @@ class Push(ForceSection):
         """Times at which a solver's step must end [s]: begin and end of the push, and just before each of them.
 
         An integration scheme that keeps its inputs constant during a step would miss a part of a push that begins
-        within the step. A scheme that evaluates the force at the end of a step finds the force of after the edge there:
-        so the step that ends at an edge is as short as possible.
+        within the step. A scheme that evaluates the force at the end of a step would take the force after the edge for
+        the whole step that ends there: so this step is as short as possible.
         """
         edges = (self.start - _JUST_BEFORE, self.start, self.end - _JUST_BEFORE, self.end)
         return tuple(edge for edge in edges if edge >= 0)
@@ -258,8 +262,8 @@ class Push(ForceSection):
         """Force over time, shape (3, 1) [N]: zero, the force from `start` on, and zero again from `end` on."""
         force = np.array(self.force)
         zero = np.zeros(3)
-        # A hold keeps each value until the next time. Its last value counts after the last time, which comes after all
-        # others.
+        # A hold keeps each value until the next time, and the last value from the last time on. It needs a value at the
+        # last time, so the zero after the push is given twice.
         times = [self.start, self.end, self.end + 1.0]
         values = [force, zero, zero]
         # A hold has its first value also before its first time: a later push needs a zero in front.

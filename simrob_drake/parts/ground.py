@@ -87,7 +87,8 @@ class Ground:
     def beneath(self, points: Vector) -> Vector:
         """Compute the height z in the world of the highest ground beneath each of m points.
 
-        The plane of the floor counts for all points, also for those below it, and without a floor.
+        The plane of the floor, lowered by `depth`, is ground for every point, also for a point below it, and also in a
+        station without a floor. The top of a box is ground for points above it, or less than `_CONTACT_DEPTH` below it.
 
         Args:
             points: shape (m, 3) [m].
@@ -100,13 +101,13 @@ class Ground:
         return np.concatenate([self._beneath_few(group) for group in groups])
 
     def _beneath_few(self, points: Vector) -> Vector:
-        """Compute the same as `beneath`, for few points: the arrays have the sizes boxes times points."""
+        """Compute the same as `beneath`, for so few points that arrays of the size boxes times points fit in memory."""
         # The depth is measured along the normal, so the plane of that depth lies lower by depth / n_z.
         normal_z = self.floor_pose.rotation().matrix()[2, 2]
         floor_heights = self.floor_heights(points) - self.depth / normal_z
-        tops = self._box_tops(points)
         # Tops of boxes on the vertical lines through the points, shape (k, m). The top of a box above the point, such
         # as a table under which a robot stands, does not count.
+        tops = self._box_tops(points)
         is_beneath = tops <= points[:, 2] + _CONTACT_DEPTH
         tops_beneath = np.where(is_beneath, tops, -np.inf)
         return np.asarray(np.maximum(floor_heights, tops_beneath.max(axis=0, initial=-np.inf)))

@@ -133,7 +133,7 @@ def add_joint_servos(
                 instance=plant.GetModelInstanceName(owner),
             )
         )
-    # Joints count in their own sense here: only axes of a station's robots may have a sign.
+    # Values are those of the joints, without signs: only axes of a station's robots may be opposite to their joints.
     axes = AxisMap.of_joints(plant, found)
 
     def add_input(port: str) -> PassThrough:
@@ -229,6 +229,8 @@ def add_joint_limit_monitor(
 
     Raises:
         UnknownName: there is no such joint.
+        InvalidParameter: there are no joints, a joint is named twice, the joints are of several model instances, or
+            ``hold`` is not a finite time.
         SimrobError: the plant is not finalized.
     """
     _check_plant(builder, plant)
@@ -237,7 +239,7 @@ def add_joint_limit_monitor(
     lower = np.array([joint.position_lower_limit() for joint in found])
     upper = np.array([joint.position_upper_limit() for joint in found])
     # Indices of the joints' positions in the state, which begins with the positions of the whole plant.
-    places = AxisMap.of_joints(plant, found).position_places
+    position_indices = AxisMap.of_joints(plant, found).position_places
     units = ["m" if isinstance(joint, PrismaticJoint) else "rad" for joint in found]
 
     def distances_beyond(state: Vector) -> Vector:
@@ -245,7 +247,7 @@ def add_joint_limit_monitor(
 
         The state is that of the plant, positions and then velocities. The result is negative within the limits.
         """
-        positions = state[places]
+        positions = state[position_indices]
         return np.asarray(np.maximum(lower - positions, positions - upper) + margin)
 
     def excess(state: Vector) -> float:
@@ -255,7 +257,7 @@ def add_joint_limit_monitor(
     def why(state: Vector) -> str:
         """Give the reason of the end: the worst joint and its position."""
         worst = int(np.argmax(distances_beyond(state)))
-        position = float(state[places][worst])
+        position = float(state[position_indices][worst])
         if margin > 0:
             return message(
                 "parts.joint_near_limit",
@@ -304,7 +306,7 @@ def add_contact_sensor(
 
     Raises:
         UnknownName: there is no such body or frame.
-        InvalidParameter: a body has no collision shapes.
+        InvalidParameter: a body has no collision shapes, or several bodies or frames have the name.
         SimrobError: the plant is not finalized.
     """
     _check_plant(builder, plant)
@@ -365,7 +367,7 @@ def add_imu(
 
     Raises:
         UnknownName: there is no such frame.
-        InvalidParameter: the rate, a noise or the seed is invalid.
+        InvalidParameter: the rate, a noise or the seed is invalid, or several frames have the name.
         SimrobError: the plant is not finalized.
     """
     _check_plant(builder, plant)
@@ -443,7 +445,7 @@ def _joints_of(
         InvalidParameter: a text in place of a list, no joints, a name twice, or joints of several model instances.
     """
     every = [plant.get_joint(index) for index in plant.GetJointIndices()]
-    # Joints that turn or slide about one axis: the servos have one value for each joint.
+    # Joints of one axis, about which they turn or along which they slide: the servos have one value for each joint.
     single = [
         joint for joint in every if joint.num_positions() == 1 and joint.num_velocities() == 1
     ]
@@ -499,14 +501,15 @@ def _without_actuator(plant: MultibodyPlant, joints: Sequence[Joint]) -> Flags:
 def _effort_limits(plant: MultibodyPlant, joints: Sequence[Joint]) -> Vector:
     """Effort limit of each joint's first actuator, shape (n,) [N·m]. It is 0 if a joint has no actuator."""
     limits = np.zeros(len(joints))
-    places = {int(joint.index()): place for place, joint in enumerate(joints)}
+    row_of_joint = {int(joint.index()): row for row, joint in enumerate(joints)}
     # From the last to the first, so that the first one remains: a joint's first actuator is its motor, and further ones
     # may be its friction.
     for index in reversed(range(plant.num_actuators())):
         actuator = plant.get_joint_actuator(JointActuatorIndex(index))
-        place = places.get(int(actuator.joint().index()))
-        if place is not None:
-            limits[place] = actuator.effort_limit()
+        row = row_of_joint.get(int(actuator.joint().index()))
+        # Actuators of joints that are not asked for have no row.
+        if row is not None:
+            limits[row] = actuator.effort_limit()
     return limits
 
 

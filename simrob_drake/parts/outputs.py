@@ -1,4 +1,4 @@
-"""Registry of a station's outputs: ports by name, what they are in results, and the monitors that watch them.
+"""Registry of a station's outputs: ports by name, their columns in results, and the monitors that watch them.
 
 An *output* is a port of a block in the station, such as ``position``. Its *signals* declare the columns that it has in
 results, with units and plots. Values of many outputs can be computed in two ways: from their ports, in a context of the
@@ -101,7 +101,7 @@ class OutputRegistry(Mapping[str, OutputPort]):
     outputs have the prefix ``<robot>.``.
 
     Attributes:
-        signals: what the outputs are in results, in the order of the columns.
+        signals: columns of the outputs in results, with units and plots, in the order of the columns.
         of_state: rules that compute outputs from states of the plant, by the output's name.
         after_run: functions that compute outputs without a port after the run, by the output's name.
         images: what cameras show to blocks of the user's own, by name, such as ``image.<sensor>``.
@@ -177,8 +177,8 @@ class OutputRegistry(Mapping[str, OutputPort]):
         Args:
             output: name of the output.
             port: its port.
-            signals: what it is in results. A signal without columns, such as that of limbs that a robot does not have,
-                is left out.
+            signals: its columns in results, with units and plots. A signal without columns, such as that of limbs that
+                a robot does not have, is left out.
             of_state: rule that computes the output from states of the plant, if there is one.
         """
         # The order of the declarations is that of the result's columns.
@@ -195,16 +195,17 @@ class OutputRegistry(Mapping[str, OutputPort]):
         source: OutputPort,
         *outputs: str,
     ) -> None:
-        """Add a block that only reports: nothing in the station needs its outputs, which are declared by `add`.
+        """Add a block that only reports: nothing that moves the station needs its outputs.
 
-        If the registry defers reports, the block joins the diagram when something reads one of its outputs, see `port`.
+        The outputs are not declared here: the caller also calls `add` for each of them. If the registry defers reports,
+        the block joins the diagram when something reads one of its outputs, see `port`; otherwise it joins at once.
 
         Args:
             builder: builder of the diagram.
             name: name of the block.
             block: the block, with one input.
             source: port that the block reads.
-            *outputs: names of the outputs that the block gives.
+            *outputs: names of the station's outputs whose values the block gives.
         """
         block.set_name(name)
         report = _Report(block, source)
@@ -231,13 +232,13 @@ class OutputRegistry(Mapping[str, OutputPort]):
         return self._ports[output]
 
     def _join(self, builder: DiagramBuilder, block: LeafSystem) -> None:
-        """Add a block that only reports to the diagram, and connect its input.
+        """Add a block that only reports to the diagram, and connect its input. Its outputs are not deferred any more.
 
         Args:
             builder: builder of the diagram.
             block: the block, which has not joined yet.
         """
-        # A block may give several outputs: none of them is deferred from now on.
+        # A block may give several outputs, each with an entry that refers to the same block.
         joining_outputs = [
             output for output, report in self._reports.items() if report.block is block
         ]
@@ -250,7 +251,8 @@ class OutputRegistry(Mapping[str, OutputPort]):
     def from_state(self, output: str) -> Callable[[Vector], Vector] | None:
         """Find the function that computes an output (m, size) from states (m, nq + nv) of the plant.
 
-        Returns None if there is no rule for the output: its port must be read.
+        Returns None if the output's port must be read: it has no rule in `of_state`, and its block is not a
+        `FramePoses` that has yet to join the diagram.
 
         Args:
             output: name of the output.

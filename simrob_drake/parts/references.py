@@ -100,10 +100,12 @@ def si_positions(
 ) -> Vector:
     """Convert values per axis from the user's units to rad or m, shape (n,).
 
+    Speeds, accelerations and jerks are converted by the same factors: deg/s to rad/s, and so on.
+
     Args:
         values: the values.
         robot: the robot.
-        otherwise: values of the axes that a mapping leaves out, shape (n,) [rad or m].
+        otherwise: values of the axes that a mapping leaves out, shape (n,), in the units of the result.
         key: key of the station that has the values, for errors.
 
     Raises:
@@ -286,7 +288,7 @@ def _checked_limits(
 
     Args:
         key: key of the reference: ``speed_deg`` or ``acceleration_deg``.
-        values: values of this key, or None.
+        values: values of this key; None if the section does not give it.
         robot: the robot.
         limits: the robot's own limits, shape (n,) [rad/s or m/s; rad/s² or m/s²]; infinite if it has none.
         is_moving: whether each axis moves, shape (n,).
@@ -355,7 +357,7 @@ class Sequence(ReferenceSection):
         """Check that the times rise by `SHORTEST` or more: a motion within no time would be infinitely fast.
 
         Raises:
-            ValueError: they do not.
+            ValueError: a time follows the one before by less than `SHORTEST`.
         """
         times = [target.time for target in self.targets]
         if any(later - earlier < SHORTEST for earlier, later in pairwise(times)):

@@ -29,7 +29,7 @@ class Site:
     Names of inputs and outputs begin with ``<robot>.`` if the station has several robots.
 
     Attributes:
-        station: what the station is made of.
+        station: contents of the station.
         plant: its multibody plant, scene graph and robots.
         state: positions and velocities of the whole plant, size nq + nv.
         outputs: the registry in which parts declare their outputs, and a mapping of names to output ports.

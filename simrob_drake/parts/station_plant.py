@@ -44,7 +44,7 @@ class StationRobot(ResolvedRobot):
     @cached_property
     def axis_map(self) -> AxisMap:
         """Map between the robot's axes and the positions and velocities of the plant, which must be finalized."""
-        # An axis may count opposite to its joint: q_axis = sign q_joint.
+        # The positive sense of an axis may be opposite to that of its joint: q_axis = sign q_joint, with sign 1 or -1.
         signs = [axis.sign for axis in self.model.axes.values()]
         return AxisMap.of_joints(self.plant, self.joints, signs)
 

@@ -112,7 +112,8 @@ class Terrain(Strict):
         """Check that the keys fit the kind, and that the field has at least one tile and not too many boxes.
 
         Raises:
-            ValueError: they do not, or it does not.
+            ValueError: a grid has no file, another kind has one, a gap is as wide as the size or wider, or the size
+                gives no tile or more than `MOST_BOXES` of them.
         """
         if self.kind == "grid" and self.file is None:
             raise ValueError(

@@ -260,9 +260,9 @@ class Body:
     def _find_soles(self, contact: FootContact, links: Sequence[str], stance: Vector) -> None:
         """Find the middle and the direction of each sole, from the robot in a stance.
 
-        It sets `_tips`, `_soles`, `_corners`, `homes`, `ball_radius` and `sole_reach`, and leaves the goal in the
-        stance. In the stance, the z axis of a ball foot's link is assumed to be vertical. The feet are assumed to be
-        alike.
+        It sets `_tips`, `_soles`, `_corners`, `homes`, `ball_radius` and `sole_reach`, and leaves the context of the
+        inverse kinematics (`_goal`) in the stance. In the stance, the z axis of a ball foot's link is assumed to be
+        vertical. The feet are assumed to be alike: all are soles, or balls of the same radius.
 
         Args:
             contact: contact points of the feet.
@@ -364,7 +364,7 @@ class Body:
             trunk: desired rotation of the root from upright and looking along x, shape (3, 3).
             feet: desired poses of the soles' frames, shape (feet, 3, 4) [1, m]: positions from the root, in the level
                 axes from which `trunk` is the rotation.
-            rounds: count of Newton steps. One is enough for a reference that goes on from the last sample's.
+            rounds: count of Newton steps. One is enough if the desired poses have only moved on by one sample.
 
         Returns:
             The posture, shape (n,) [rad]. Axes that are in no leg stay.
@@ -494,8 +494,8 @@ class StanceFeet:
         slope_weights: change of the group's slope for each metre by which a foot is raised, of each foot [1/m]. The
             real part is the slope ahead, the imaginary part that to the left.
         half_width: distance from the robot's middle to the middle of each group, to the side [m].
-        roll_factor: distance that the robot goes over the distance that its legs go [1]. Above 1 if the feet are
-            balls, which roll while they stand.
+        roll_factor: ratio of the distance that the robot goes to the distance that its legs go [1]. Above 1 if the feet
+            are balls, which roll while they stand.
     """
 
     groups: Sequence[Sequence[int]]

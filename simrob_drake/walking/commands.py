@@ -72,7 +72,11 @@ class Waypoints(Strict):
 
     @model_validator(mode="after")
     def _check_points(self) -> Waypoints:
-        """Check that no two consecutive points are the same: the line between them has no direction."""
+        """Check that no two consecutive points are the same: the line between them has no direction.
+
+        Raises:
+            ValueError: two consecutive points differ by less than `_SAME`.
+        """
         corners = self.corners
         # On a closed path the point after the last one is the first one again.
         count = len(self.points)
@@ -232,8 +236,8 @@ class Follower:
             progress: distance on the path that was done at the last sample [m].
 
         Returns:
-            The command, and the new progress [m], which is beyond the length of the path after the robot has arrived.
-            The command is None and the progress unchanged if the pose is not finite.
+            The command, and the new progress [m]. Once the robot has arrived, the command is to stand, and the progress
+            is beyond the length of the path. If the pose is not finite, the command is None and the progress unchanged.
         """
         pose = self._root_pose(base)
         if pose is None:
@@ -315,8 +319,8 @@ class Follower:
         # The desired direction leads back to the path: `back` is a speed to its left [m/s]. A robot that looks
         # elsewhere first turns, then walks: the cosine of the error is a factor of its speed.
         back = clamp(-_SIDE_GAIN * offset.imag, self._speed * tan(_LARGEST_APPROACH))
-        # The direction is that at full speed: at the slow end of a path, a small distance aside would turn the robot
-        # across the path otherwise.
+        # The heading is computed with the full speed along the path. With the low speed near the end, `back` would be
+        # the larger part, and a small distance to the side would turn the robot across the path.
         heading_error = cmath.phase(soon.direction * complex(self._speed, back) / pose.direction)
         velocity = (
             soon.direction * complex(speed, back) * max(cos(heading_error), 0.0) / pose.direction

@@ -85,7 +85,7 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
         The angles after each posture, in the order of the robot's axes.
 
     Raises:
-        UnknownName: the robot does not have an axis, or a pair of axes.
+        UnknownName: a posture names neither an axis nor a pair of axes of the robot.
         InvalidParameter: an angle is beyond the limits of its axis.
     """
     sequence: list[Vector] = []

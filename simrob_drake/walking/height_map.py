@@ -23,7 +23,7 @@ _BLOCK = 32
 # Cost of a height difference under a foot, or of a step that is too far up or down by this height, over that of an
 # equal shift of the foothold [1].
 _HEIGHT_WEIGHT = 3.0
-# Height differences under a foot that count as none [m].
+# Largest height difference under a foot that has no cost [m].
 _EVEN = 2e-3
 # Cost of leaving the last shift over that of an equal shift [1]. It keeps the foothold from jumping.
 _CHANGE_WEIGHT = 0.3

@@ -58,6 +58,7 @@ class Knee:
             The lower and the upper limit [rad].
         """
         bend = self.bend_at(angle)
+        # The angle of the straight leg that is nearest to the posture: `self.straight`, or whole turns away from it.
         straight = angle - bend
         if bend >= 0:
             return max(lower, straight + _LEAST_BEND), upper

@@ -216,7 +216,11 @@ class WalkingParameters(Renamed):
 
     @model_validator(mode="after")
     def _check_foothold(self) -> WalkingParameters:
-        """Check that the region in which a foot may land has a positive width."""
+        """Check that the region in which a foot may land has a positive width.
+
+        Raises:
+            ValueError: ``foothold.outer`` is not larger than ``foothold.inner``.
+        """
         if self.foothold.outer <= self.foothold.inner:
             raise ValueError(
                 message(

@@ -372,8 +372,8 @@ class WalkPlanner:
             support: the rest of the step.
 
         Returns:
-            The rest of the step, whose weight transfer ends at once if the foot can lift, and the landing. Both are the
-            given ones if the error is within the deadband.
+            The rest of the step, whose weight transfer ends now if the swing foot may lift at once, and the landing. If
+            the error is within the deadband, they are `support` and `planned`.
         """
         feedback = self._feedback
         standing, swinging = stride.step.sides
@@ -404,7 +404,9 @@ class WalkPlanner:
         return support, self._shift_to_even_ground(stride, estimate, adjusted)
 
     def _must_brace(self, estimate: Estimate | None, xi: complex) -> bool:
-        """Check whether an error to the side is too large for a step aside. Returns False without a threshold.
+        """Check whether an error to the side is too large for a step aside.
+
+        Returns False without an estimate, and if the parameters set no `brace_threshold`.
 
         Args:
             estimate: what the sensors measure, or None to walk without feedback.
@@ -520,7 +522,7 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
 
         Returns:
-            The stride, and the height of the swing foot above the expected ground [m].
+            The stride, and the height of the swing foot above the expected ground [m], which is 0 if nothing moves.
         """
         step = stride.step
         swing = stride.swing
@@ -554,9 +556,9 @@ class WalkPlanner:
     def _ground_of_swing(self, stride: Stride, estimate: Estimate | None, share: float) -> Ground:
         """Compute the ground under the swing foot, from the height map if there is one and an estimate.
 
-        Without a map, the ground is expected to have no steps: in the first part of the swing (`_height_part`), the
-        height under the foot goes to that of the stance foot, and then stays there. With a slope, these are the heights
-        in addition to the slope.
+        Otherwise the ground is expected to have no steps: in the first part of the swing (`_height_part`), the height
+        under the foot goes to that of the stance foot, and then stays there. With a slope, these are the heights in
+        addition to the slope.
 
         Args:
             stride: state of the walk, with the swing of the last sample.
@@ -573,7 +575,7 @@ class WalkPlanner:
         )
 
     def _ground_of_map(
-        self, stride: Stride, estimate: Estimate, share: float, known: HeightMap
+        self, stride: Stride, estimate: Estimate, share: float, height_map: HeightMap
     ) -> Ground:
         """Move each swing foot towards the height of the map at its foothold.
 
@@ -586,7 +588,7 @@ class WalkPlanner:
             stride: state of the walk, with the swing of the last sample.
             estimate: what the sensors measure.
             share: share of the swing's duration at this sample.
-            known: the height map.
+            height_map: the height map.
 
         Returns:
             The ground with the height of the swing foot, and for a pair the slope of the line between its feet.
@@ -595,9 +597,9 @@ class WalkPlanner:
         offsets = self._stance.offsets[swinging]
         landing = stride.landing
         yaw = cmath.exp(1j * landing.yaw)
-        level = self._level_of(estimate, standing, known)
+        level = self._level_of(estimate, standing, height_map)
         footholds = [landing.place + yaw * offset for offset in offsets]
-        tops = known.heights([estimate.in_world(foothold) for foothold in footholds])
+        tops = height_map.heights([estimate.in_world(foothold) for foothold in footholds])
 
         # Parts of the remaining distances up and down that are done in this sample. After the first part of the swing,
         # `up` is 0. Before its end, `down` is 0.
@@ -625,16 +627,16 @@ class WalkPlanner:
             foot_tilt=slope_through(self._stance.slope_weights[swinging], heights),
         )
 
-    def _level_of(self, estimate: Estimate, group: int, known: HeightMap) -> float:
+    def _level_of(self, estimate: Estimate, group: int, height_map: HeightMap) -> float:
         """Compute the mean height of the map under the feet of the stance group [m].
 
         Args:
             estimate: what the sensors measure, with the position of the stance foot in the world.
             group: index of the stance group.
-            known: the height map.
+            height_map: the height map.
         """
         offsets = self._stance.offsets[group]
-        heights = known.heights([estimate.in_world(offset) for offset in offsets])
+        heights = height_map.heights([estimate.in_world(offset) for offset in offsets])
         return sum(heights) / len(heights)
 
     def _shift_to_even_ground(
@@ -672,7 +674,8 @@ class WalkPlanner:
     def _lift_at(self, share: float) -> float:
         """Height of the swing foot above the expected ground at a share s of the swing's duration [m].
 
-        It is lift (4 s (1 - s))^exponent, and the landing height that is reached in the first half.
+        It is lift (4 s (1 - s))^exponent plus the part of the landing height that is reached, which is all of it from
+        the middle of the swing on.
         """
         parameters = self._parameters
         landing_height = self._feedback.landing_height * smoothstep(min(2.0 * share, 1.0))
@@ -719,7 +722,7 @@ class WalkPlanner:
         return stride
 
     def _raise_swing_feet(self, stride: Stride, distances: Sequence[float]) -> Stride:
-        """Raise each foot of the swing group by its own distance [m]. Nothing changes without distances but zero."""
+        """Raise each foot of the swing group by its own distance [m]. If all distances are 0, nothing changes."""
         if not any(distances):
             return stride
         slope_weights = self._stance.slope_weights[1 - int(stride.step.standing)]
@@ -787,7 +790,7 @@ class WalkPlanner:
         return self._raise_swing_feet(stride._replace(step=step), distances)
 
     def _trim_speed(self, stride: Stride) -> Stride:
-        """Learn from a step that was too short or too long: add a part of the distance that it lacks to the speed.
+        """Learn from a step that was too short or too long: change `speed_trim` by a part of the distance it lacks.
 
         The step lacks the distance that the command asks for in the time that the step took, minus the distance that
         the foot has gone. The lack of a step that was too long is negative.
@@ -797,7 +800,7 @@ class WalkPlanner:
         commanded = self.steps.plan_landing(step.sides[1], step.command)
         lack = commanded.place - stride.swing.place
         # A step that took longer than planned lacks more, and one that ended early lacks less. The distance of the foot
-        # is that of the robot divided by the roll factor: feet that are balls roll on by the rest.
+        # is that of the robot divided by the roll factor: feet that are balls roll over the remaining distance.
         extra_time = step.time - step.nominal
         lack += extra_time / self._stance.roll_factor * step.speed
 
@@ -827,16 +830,16 @@ class WalkPlanner:
             The state as seen from the foot that has landed, with the next step, or of a robot that stands.
         """
         swinging = stride.step.sides[1]
-        # Where the foot would stand at the end of a walk: next to the other one.
-        usual = Landing(stride.landing.time, self.steps.apart[swinging])
-        side_by_side = self._shift_to_even_ground(stride, estimate, usual)
+        # Where the foot would stand at the end of a walk: next to the stance foot, on even ground.
+        next_to_stance_foot = Landing(stride.landing.time, self.steps.apart[swinging])
+        side_by_side = self._shift_to_even_ground(stride, estimate, next_to_stance_foot)
         distance = abs(stride.swing.place - side_by_side.place)
         turn_back = abs(stride.corrections.turn_back)
 
         # An early foot has met higher ground: its present height is that of the ground.
         ground = stride.ground._replace(height=stride.ground.height + lift)
         stride = stride._replace(ground=ground).on_the_other_foot()
-        # The walk ends side by side, and only without a command in the step that has ended.
+        # The walk ends side by side, and only if neither the present command nor that of the ended step is a motion.
         is_settled = max(distance / _END_DISTANCE, turn_back / _END_TURN) <= 1.0 and not hurries
         if is_settled and not (command.moves or stride.step.command.moves):
             middle = self.steps.middle(swinging, stride.swing.place)
@@ -851,7 +854,7 @@ class WalkPlanner:
         return 1.0 - math.exp(-rate * self._period)
 
     def _outside_deadband(self, error: complex, deadbands: float = 1.0) -> complex:
-        """Reduce an error of the divergent component by the deadband. The result is zero within the deadband.
+        """Reduce each part of an error of the divergent component by its deadband. A part within it becomes 0.
 
         Args:
             error: error ahead (real part) and to the left (imaginary part) [m].

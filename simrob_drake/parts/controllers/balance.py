@@ -13,7 +13,7 @@ on. The trunk or an arm that swings then balances the rest:
     \Delta q_i = a_i \,\mathrm{sign}(e)\, \mathrm{clip}\Bigl(\frac{|e| - b}{e_1 - b}, 0, 1\Bigr) .
 
 A *capture step* sets one foot where the robot falls. In the code, the *part* of a strategy or of a step is the factor
-of its offsets, from 0 to 1; a strategy for both directions has parts from -1 to 1.
+of its offsets, from 0 to 1; a strategy for both directions has parts from -1 to 1. For prismatic axes, read m for rad.
 """
 
 import math
@@ -89,7 +89,10 @@ class Stepping:
     reach: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the reach for the robot's deviation from its stance: error / ``full``, from ``least`` to 1."""
+        """Part of the reach that answers the robot's deviation from its stance: e / ``full``, from ``least`` to 1.
+
+        The error e is that in the direction of the section.
+        """
         section = self.section
         error = state.error(section.measures, section.lead)
         return min(max(error / section.full, section.least), 1.0)
@@ -164,7 +167,8 @@ class StepChooser:
         # The reach may still grow with the error. It never shrinks, or the foot would be pulled back in the air.
         part = max(before.part, step.part(balance))
         new_offset = step.offsets(time, part)
-        # The foot is down early: what is still lifted settles slowly, or the leg would kick.
+        # A foot that touches the floor early ends the step. What is still lifted then settles slowly, as after any
+        # step: a jump of the offsets would make the leg kick.
         if time > _LIFT_TIME and balance.lifted[step.foot] < _TOUCH_HEIGHT:
             time = 1.0
         new_state = StepState(step=number, time=time, part=part)
@@ -208,7 +212,7 @@ class Strategy(Strict):
         """Check that ``full`` is larger than ``beyond``, and that an axis moves.
 
         Raises:
-            ValueError: it is not, or all offsets are 0.
+            ValueError: ``full`` is not larger than ``beyond``, or all offsets are 0.
         """
         if self.full <= self.beyond:
             raise ValueError(
@@ -287,11 +291,12 @@ class Balance(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
-            SimrobError: they do not; or by the checks of the base class an axis does not exist, the station has no
-                servos, or the rate is too high.
+            SimrobError: the robot does not stand on feet of its own, or a step names a foot that it does not have; or
+                by the checks of the base class an axis does not exist, the station has no servos, or the rate is too
+                high.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
@@ -336,7 +341,7 @@ class Balance(LoopSection):
         if name in self.reads or name not in output_and_entries:
             return super().source(builder, name, robot, site, key)
         output, entries = output_and_entries[name]
-        # The rule that computes the output from the plant's state; a robot with a fixed base has no such output.
+        # The rule that computes the output from the plant's state. Without one, the input is looked up like any other.
         rule = site.outputs.of_state.get(f"{robot.prefix}{output}")
         if rule is None:
             return super().source(builder, name, robot, site, key)
@@ -397,9 +402,10 @@ class Answer:
     moves: Vector
 
     def part(self, state: BalanceState) -> float:
-        """Part of the largest offsets for the robot's deviation from its stance, -1 to 1.
+        """Part of the largest offsets that answers the robot's deviation from its stance, -1 to 1.
 
-        It is never negative for a direction that is one side alone, such as "left".
+        It has the sign of the error in the direction of the section. For a direction that is one side alone, such as
+        "left", it is never negative.
         """
         # sign(e) clip((|e| - b) / (e_1 - b), 0, 1)
         section = self.section

@@ -2,7 +2,7 @@
 
 A loop moves the reference of its robot, to which the servos move the axes. Its output ``offset`` is added to the
 reference; its output ``target`` replaces the reference while its output ``active`` is 1. Its input ``asked`` is the
-reference below it, with the changes of other loops of lower priority.
+reference below it, with the changes of other loops of lower priority. For prismatic axes, read m for rad and N for N·m.
 """
 
 import math
@@ -84,11 +84,11 @@ class ForceControl(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
-            SimrobError: there is no sensor, or no tool; or by the checks of the base class the robot does not exist,
-                the station has no servos, or the rate is too high.
+            SimrobError: the section names no force sensor, or the robot has no tool; or by the checks of the base class
+                the robot does not exist, the station has no servos, or the rate is too high.
         """
         super().check(key, station)
         check_force_is_read(self, key)
@@ -324,7 +324,7 @@ class MotorProtection(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: the section has a weight, nothing to watch, or a limit that does not fit, or a check of the
@@ -600,7 +600,8 @@ class GuardedMotors(SampledBlock):
         largest_heat = float(heat.max())
         stage = memory["stage"][0]
         if stage == _STOPPED:
-            # Motors must be cool enough not to warn, so that the robot does not stop again soon.
+            # No torque or force may be above its limit, and motors must be cool enough not to warn, so that the robot
+            # does not stop again soon.
             is_well = longest_above == pressed == 0 and largest_heat < section.warn
             return {**changes, **self._stay_stopped(memory, read, is_well=is_well)}
         # The force stops the robot whatever its motors do: axes give way to torques alone.

@@ -24,7 +24,7 @@ from simrob_drake.blocks.written_net import NetBlock, Values
 # Functions that Python's `math` and Drake's `math` have under the same name.
 _COMMON_FUNCTIONS = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log", "sqrt",
                      "floor", "ceil")  # fmt: skip
-# Added to a number, it makes an expression of it: Drake's functions do not take both at once.
+# The sum of this and a number is an expression: Drake's functions do not take a number together with an expression.
 _ZERO = Expression(0.0)
 
 

@@ -39,7 +39,7 @@ class Integrator(Bounded, FlowBlock):
 
     @property
     def start(self) -> Values:
-        """State at the start: the integral."""
+        """State at the start: the initial value of the integral, limited to the bounds."""
         return (self.clip(self.initial),)
 
     def _output(self, t: float, x: Values, u: Values) -> Values:
@@ -401,7 +401,8 @@ class Pid(Bounded, FlowBlock):
 
     def _filter_update(self, x: Values, u: Values) -> Any:
         """Compute the derivative of the filter's state, or if sampled its next value."""
-        # Without a filter, which only a sampled block can be, the state is d e of the sample before.
+        # Only a sampled block may have no filter. Then the next state is d e of this sample, which the next sample
+        # subtracts from its own.
         if self.filter is None:
             return self.d * u[-1]
         rate = self._derivative_part(x, u)
@@ -457,7 +458,7 @@ class Pid(Bounded, FlowBlock):
         """Width of the band beyond the bounds within which a continuous integral slows down to a stop.
 
         It is a thousandth of the range between the bounds. If there is only one bound, or if they are equal, it is a
-        thousandth of a bound, or 0.001 if that is 0. It is 1 without bounds, where it has no effect.
+        thousandth of the bound's magnitude, or 0.001 if the bound is 0. It is 1 without bounds, where it has no effect.
         """
         bounds = [bound for bound in (self.lower, self.upper) if bound is not None]
         if not bounds:

@@ -36,7 +36,7 @@ _FALLEN_HEIGHT = 0.7
 _REST_TIME = 0.3
 # Time for which the robot must stand before the loop ends [s].
 _STANDING_TIME = 1.0
-# Longest time that the loop waits for either [s].
+# Longest time that the loop waits for the robot to lie still, or to stand [s].
 _PATIENCE = 2.0
 # Largest component of the velocity of a robot at rest [m/s, rad/s].
 _REST_SPEED = 0.2
@@ -78,7 +78,7 @@ class GetUp(LoopSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: the robot does not stand on feet of its own, or its postures are missing or name axes that it
@@ -115,10 +115,13 @@ class RisingGoal(NamedTuple):
 
 
 def _load_sequences(model: RobotModel) -> list[list[RisingGoal]]:
-    """Load the postures of a robot, from its front and from its back.
+    """Load the postures with which a robot gets up.
+
+    Returns:
+        Two sequences: the one from lying on the front, then the one from lying on the back.
 
     Raises:
-        SimrobError: there are none, or they name axes that the robot does not have.
+        SimrobError: the robot's files have no postures to get up, or the postures name axes that it does not have.
     """
     getting_up = load_getting_up(model)
     sequences = list[list[RisingGoal]]()
@@ -272,7 +275,7 @@ class Rising(SampledBlock):
         return {}
 
     def _lie(self, memory: Named, elapsed: float, time_well: float, ahead: float) -> Changes:
-        """Wait until the robot lies still, then begin the sequence for its side.
+        """Wait until the robot lies still, then count an attempt and begin the sequence for its side.
 
         Args:
             memory: memory before the sample.

@@ -181,7 +181,7 @@ class LoopSection(ControllerSection):
             robot: robot of the loop.
 
         Returns:
-            A sentence for each of them; none for most kinds.
+            A sentence for each such setting. Kinds that have some override this method; here the list is empty.
         """
         return []
 
@@ -251,7 +251,7 @@ class LoopSection(ControllerSection):
         source = self.reads.get(name, "")
         # With several robots, the outputs of each begin with its prefix ("left."); with one robot, the prefix is empty.
         own_output = name if name.startswith(robot.prefix) else f"{robot.prefix}{name}"
-        # An output that is linear in the plant's state, by a matrix, has a block that is faster than the station's own.
+        # An output with a rule from the plant's state gets a block of its own, which is faster than the station's.
         if not source and own_output in site.outputs.of_state:
             return add_output_of_state(builder, site, own_output)
         # ``reads: {position: encoders}`` means the output position.encoders, and ``reads: {force: force.left}`` the
@@ -344,8 +344,9 @@ def sensors_read(
 def add_output_of_state(builder: DiagramBuilder, site: Site, output: str) -> OutputPort:
     """Add a block that computes an output from the plant's state by a matrix, if it is not there yet.
 
-    The station's own block of such an output, for example a base pose, is written in Python and is slower. Quaternions
-    are those of the state: they may have either sign, and their length is only 1 as precisely as the solver keeps it.
+    The station's own block of such an output, for example a base pose, is written in Python and is slower. The matrix
+    is that of the output's rule (`FromState`), without the rule's function `finish`, which normalises quaternions:
+    those of this block may have either sign, and their length is only 1 as precisely as the solver keeps it.
 
     Args:
         builder: builder of the diagram.
@@ -542,7 +543,11 @@ class _LayeredReference:
         self._terms = [block.get_output_port()]
 
     def sum(self, name: str) -> OutputPort:
-        """Port of the sum. If there are several terms, or none with a port, a block of this name is added."""
+        """Port of the sum of all terms.
+
+        A block of this name is added, and its output becomes the only term, if there are several terms, or if the only
+        one is the reference from outside, which has no port.
+        """
         if len(self._terms) > 1 or self._terms[0] is None:
             self._replace_terms(name, Adder(len(self._terms), self._size))
         (port,) = self._terms
@@ -550,7 +555,7 @@ class _LayeredReference:
         return port
 
     def limit(self) -> OutputPort:
-        """Limit the sum to the joint limits, and return the port, which becomes the only term."""
+        """Limit the sum to the joint limits by a block, whose output becomes the only term. Returns this output."""
         # The block of the limits has one input: several terms are added up first.
         if len(self._terms) > 1:
             self.sum(f"{self._key}.limits.sum")
@@ -562,13 +567,14 @@ class _LayeredReference:
     def blend(self, name: str, target: OutputPort, active: OutputPort, share: Vector) -> None:
         """Blend the sum r with a target: (1 - share) r + share target while ``active`` is 1, and r while it is 0.
 
-        It is made of Drake's primitives, so that no Python is called at each evaluation of the solver. With the lower
-        limit l of an axis, and a W larger than the range of its limits, the sum of two parts is formed that cannot be
-        negative, of which one is always zero, as W exceeds anything that r - l or target - l can be within the limits:
+        It is made of Drake's linear blocks and saturations, so that no Python is called at each evaluation of the
+        solver. They have no product with ``active``, so a switch is made of two saturated parts, of which at least one
+        is 0. With the lower limit l of an axis, and a W larger than the range of its limits,
 
-            l + max(r - l - W active, 0) + max(target - l - W (1 - active), 0)
+            switch = l + max(r - l - W active, 0) + max(target - l - W (1 - active), 0)
 
-        The terms of the sum become one term, the blend.
+        is r if ``active`` is 0, and the target if it is 1, as long as both are within the limits: then W is above r - l
+        and target - l. The blend is share switch + (1 - share) r. It becomes the only term of the sum.
 
         Args:
             name: prefix of the names of the blocks.
@@ -577,7 +583,7 @@ class _LayeredReference:
             share: share of the target for each axis, shape (n,), 0 to 1.
         """
         size = self._size
-        # The other axes need no blend: fewer rows make the block faster.
+        # Indices of the k axes with a share. The other axes need no blend, and fewer rows make the block faster.
         axes = np.flatnonzero(share)
         term_count = len(self._terms)
         all_lower, all_upper = self._limits
@@ -602,7 +608,7 @@ class _LayeredReference:
         # The columns of all terms repeat, which adds the terms up to r.
         # Constants of the rows: -l of r, -l - W of the target, and nothing for r itself.
         constant = np.concatenate([-lower, -lower - wide[:, 0], np.zeros(size)])
-        # max(..., 0) of the two parts; r itself is not limited.
+        # The saturation: max(..., 0) for the two parts; r itself is not limited.
         least = np.concatenate([np.zeros(2 * len(axes)), np.full(size, -np.inf)])
         most = np.full(len(least), np.inf)
         # share (l + first part + second part) + (1 - share) r. The matrix `back` puts the k axes, times their shares,

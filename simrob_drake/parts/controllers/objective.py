@@ -3,7 +3,8 @@ r"""Loop that brings a measured quantity to a desired value by joints that move 
 No joint angles are given: the robot finds its own (the thesis, automatic control with an objective, p. 102 to 107). The
 *quantity* is any column of the station's results, such as the height of the base. Its desired value at the moment is
 the *setpoint*, which moves to the *targets* of the section, one after the other. A PI law computes the *effort* u from
-the error of the quantity, and an axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`.
+the error of the quantity, and an axis of weight :math:`w_i` moves by :math:`\Delta q_i = w_i u`. For prismatic axes,
+read m for rad.
 """
 
 import math
@@ -308,7 +309,7 @@ class Objective(LoopSection):
         site.picture.draw_nothing(block_name)
         rule = site.outputs.of_state.get(column.output)
         if rule is not None:
-            # The value is linear in the plant's state: reading the state directly spares the block of the output.
+            # A row of the rule's matrix picks the value from the plant's state, which spares the block of the output.
             row = rule.matrix(site.state.size())[[column.entry]]
             return add_matrix_gain(builder, block_name, row, site.state)
         # The matrix with one row that picks one entry of the output, shape (1, size).
@@ -359,6 +360,10 @@ class Objective(LoopSection):
             name: name of the loop in the station file.
             robot: robot that the loop drives.
             site: the station under construction.
+
+        Raises:
+            SimrobError: no output has the column, some axes with weights turn and others slide, or the section names an
+                axis that the robot does not have.
         """
         engine = site.station.engine
         # Whether an integrator of Drake's steps the whole diagram. An engine that holds inputs over steps integrates
@@ -475,7 +480,7 @@ class WeightedObjective(SampledBlock):
     Ports:
         in  ``measured`` (1): the quantity; with a posture also ``reference`` (n) [rad]: start of the ramp to it.
         out ``offset`` (n) [rad], added to the reference; ``error`` (1): setpoint minus quantity; with a posture also
-        ``target`` (n) [rad]: positions of the axes on their way to it, which count while ``active`` (1) is 1.
+        ``target`` (n) [rad]: positions on the way to it, which replace the reference while ``active`` (1) is 1.
     """
 
     def __init__(

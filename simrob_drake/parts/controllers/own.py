@@ -57,8 +57,10 @@ def declare_output(
         name: name of the controller.
         port: port of the output.
         unit: unit of all values, or the unit of each value, separated by commas, such as "m/s, rad/s".
-        robot: robot that the controller drives. If it is None, all robots are considered.
-        axes: axes whose values become columns. If it is None, or if the values are not those of axes, all do.
+        robot: robot that the controller drives, whose axes may name the values. If it is None, the first robot with as
+            many axes as values names them.
+        axes: axes whose values become columns. All values become columns if it is None, or if they are not values of
+            axes.
         called: name of the output. If it is empty, the port's name is used.
         components: names of the values in plots, if there are any.
     """
@@ -357,7 +359,7 @@ DRIVABLE = (
 def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tuple[str, ...]:
     """Complete the list of inputs that a station makes for its robots by those that own blocks drive.
 
-    Inputs that cannot be listed need not be: the station makes them without being asked.
+    Only names in `LISTABLE` are added: a station cannot list other inputs, such as ``reference``, which it has anyway.
 
     Args:
         inputs: key ``inputs`` of the station.
@@ -437,7 +439,7 @@ def _drive_input(builder: DiagramBuilder, site: Site, name: str, port: OutputPor
         port: the output.
 
     Raises:
-        InvalidParameter: their sizes differ.
+        InvalidParameter: the output and the input have different sizes.
     """
     target = site.inputs[port.get_name()]
     # Drake's own error would name neither the block nor the input of the station.

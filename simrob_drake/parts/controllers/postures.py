@@ -60,7 +60,7 @@ class Pace(Strict):
         """Check that a timeout is given if the next cell is to begin at the timeout.
 
         Raises:
-            ValueError: it is not given.
+            ValueError: ``on_timeout`` is "go_on", and no timeout is given.
         """
         if self.on_timeout == "go_on" and self.timeout is None:
             raise ValueError(
@@ -216,13 +216,13 @@ class CellSequence(SampledBlock):
         self._largest_speed = largest_speed
         self._axes = axes
         self._timeout = math.inf if section.timeout is None else section.timeout
-        number = np.zeros(1)
-        outputs = {"target": np.zeros(size), "active": number, "cell": number, "done": number}
+        zero = np.zeros(1)
+        outputs = {"target": np.zeros(size), "active": zero, "cell": zero, "done": zero}
         memory = {
             **outputs,
-            "elapsed": number,  # time since the beginning of the cell [s]
+            "elapsed": zero,  # time since the beginning of the cell [s]
             "origin": np.zeros(size),  # where the ramp of the cell begins [rad]
-            "clock": number,  # time since the first sample [s]
+            "clock": zero,  # time since the first sample [s]
         }
         # The last vector of the memory: `Sequencer.cell_times` finds it at the end of the discrete state.
         memory[REACHED] = np.full(len(targets), -1.0)
@@ -285,7 +285,8 @@ class CellSequence(SampledBlock):
         elif self._section.on_timeout == "stop":
             raise RunEnds(self._timeout_text(number, late))
 
-        # The next ramp begins at the goal of this cell, not at the measured position: the target does not jump.
+        # The cell is reached, or its time is over and the section goes on all the same. The next ramp begins at the
+        # goal of this cell, not at the measured position: the target does not jump.
         is_last = number + 1 == len(self._targets)
         if is_last:
             return {**changes, "done": 1.0}
@@ -388,9 +389,9 @@ class CapturePoint:
         # c_xy + c'_xy sqrt(z / g); the height is not negative, since a fallen robot may have its feet above itself.
         height = max(com[2] - points[2].min(), 0.0)
         capture_point = com[:2] + velocity[:2] * np.sqrt(height / self._gravity)
-        # The distance of a point from a convex area is the largest of its distances beyond the area's edge, over all
-        # directions. The edge in a direction is at the farthest point: `edges` has its distance from the capture point,
-        # shape (64,), which is negative if the capture point is beyond this edge.
+        # With unit directions d and contact points p_i, the distance of the capture point c from their convex hull is
+        # max_d (d c - max_i d p_i) = -min_d max_i d (p_i - c), negative within the hull. `edges` has the entry
+        # max_i d (p_i - c) for each direction, shape (64,): how far the hull reaches beyond c.
         edges = (_DIRECTIONS @ (points[:2] - capture_point[:, np.newaxis])).max(axis=1)
         return float(-edges.min())
 
@@ -432,7 +433,7 @@ class FallGuard(LoopSection):
         """Check that at least one bound is given.
 
         Raises:
-            ValueError: none is given.
+            ValueError: neither ``height`` nor ``tilt_deg`` nor ``capture_point`` is given.
         """
         if self.height is None and self.tilt_deg is None and self.capture_point is None:
             raise ValueError(
@@ -580,7 +581,9 @@ class ProtectivePosture(SampledBlock):
             "active": np.zeros(1),
             "elapsed": np.zeros(1),  # time since the guard acts [s]
             "origin": zero,  # where the ramp begins [rad]
-            "well": np.zeros(1),  # time since the last sample at which the robot fell [s]
+            "well": np.zeros(
+                1
+            ),  # time for which no bound has been exceeded while the guard acts [s]
         }
         super().__init__(
             period=1 / section.rate, reads=reads, memory=memory, gives=("target", "active")

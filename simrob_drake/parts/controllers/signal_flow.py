@@ -255,7 +255,7 @@ class SignalFlow(ControllerSection):
 
         Args:
             key: key of the section, for errors.
-            station: what the station is made of.
+            station: contents of the station.
 
         Raises:
             SimrobError: a robot, axis, frame or block does not exist, a block is wrong or its name is taken, or the
@@ -316,7 +316,8 @@ class SignalFlow(ControllerSection):
             builder: builder of the diagram.
             site: the station under construction.
             name: name of the flow.
-            monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
+            monitors: whether stops get blocks that end the run. Otherwise they are only registered in the station's
+                outputs, for the code that steps the station to evaluate.
             integrated: whether the diagram may have continuous states. Drake then asks all systems for derivatives,
                 also a net without states.
 
@@ -436,7 +437,8 @@ def add_flows(
         builder: builder of the diagram.
         site: the station under construction.
         flows: the flows, by name.
-        monitors: whether stops end the run in the diagram itself. Otherwise the station only lists them.
+        monitors: whether stops get blocks that end the run. Otherwise they are only registered in the station's
+            outputs, for the code that steps the station to evaluate.
         integrated: whether other parts of the diagram may have continuous states.
 
     Raises:
@@ -528,7 +530,7 @@ class _FlowNet:
                     self._measured_sizes[element.owner] = site.outputs[element.owner].size()
 
     def _elements_read(self, block: str) -> list[_Element]:
-        """Numbers that a block reads, input after input; some of them perhaps several times."""
+        """Numbers that a block reads, input after input. A number that several terms name is listed several times."""
         return [term.element for terms in self._inputs[block] for term in terms]
 
     def add(

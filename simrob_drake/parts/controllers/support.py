@@ -241,7 +241,7 @@ class Support:
         self._positions[self._rotation_start : self._rotation_start + 4] = (
             rotation.ToQuaternion().wxyz()
         )
-        # An axis may count opposite to its joint, so its value gets the axis's sign.
+        # The positive sense of an axis may be opposite to that of its joint, so its value gets the axis's sign.
         self._positions[self._axes.position_places] = self._axes.signs * position
         self._velocities[self._spin_start : self._spin_start + 3] = spin
         self._velocities[self._axes.velocity_places] = self._axes.signs * velocity

@@ -310,7 +310,7 @@ class Walk(LoopSection):
     def with_commands(self, commands: Sequence[TimedCommand]) -> "Walk":
         """Copy the section with commands that a user or a program gave during a run, to save them in a station file.
 
-        Its own commands before the first of them are kept, later ones are dropped.
+        The section's own commands before the first given one are kept, its later ones are dropped.
 
         Args:
             commands: commands in the order of their times, at least one.

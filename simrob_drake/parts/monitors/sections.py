@@ -147,15 +147,15 @@ class TorqueLimit(MonitorSection):
             station: contents of the station.
         """
         robot = station.robot(self.robot, f"monitors.{name}")
-        # Whether the torque of a motor at its present speed is the limit: it falls with the speed, along a line. Limits
+        # Whether the limit is the torque that a motor can give at its present speed, which falls along a line. Limits
         # of the section's own replace these lines. In a kinematic station torques are computed from the motion, and
         # only compared with constant limits.
-        motors_count = (
+        uses_motor_lines = (
             self.limit is None and robot.gains.line is not None and station.engine.moves_by_forces
         )
-        return (
-            self._condition_of_motors(robot) if motors_count else self._condition_of_limits(robot)
-        )
+        if uses_motor_lines:
+            return self._condition_of_motors(robot)
+        return self._condition_of_limits(robot)
 
     def _condition_of_motors(self, robot: ResolvedRobot) -> Condition:
         """Make the condition on the torque that each motor can give at its speed."""
@@ -565,7 +565,7 @@ class Fall(PoseMonitorSection):
         """Check that at least one bound is given.
 
         Raises:
-            ValueError: none is given.
+            ValueError: neither ``height`` nor ``tilt_deg`` is given.
         """
         if self.height is None and self.tilt_deg is None:
             raise ValueError(
@@ -582,7 +582,8 @@ class Fall(PoseMonitorSection):
             only_robot: name of the station's only robot; None if it has none or several.
 
         Returns:
-            The name, or None if the section watches a piece, or names no robot of several.
+            The name. None if the section names a piece, or if it names no robot and the station does not have exactly
+            one.
         """
         if self.piece is not None:
             return None
@@ -626,7 +627,7 @@ class Fall(PoseMonitorSection):
             return low if low >= leaning else leaning
 
         def why(pose: Vector) -> str:
-            """Reason why the run ends."""
+            """Reason why the run ends: the pose is not finite, too low, or leans too far."""
             found = excesses(pose)
             if not found.is_finite:
                 return _not_finite(subject)
@@ -678,7 +679,7 @@ class Workspace(PoseMonitorSection):
         return self
 
     def condition(self, name: str, station: StationContents) -> Condition:
-        """Make the condition; its excess is how far outside of the box the pose's origin is along an axis [m].
+        """Make the condition; its excess is the largest distance by which x, y or z of the pose is out of bounds [m].
 
         Args:
             name: name of the section.

@@ -347,7 +347,7 @@ class CameraSensor(Sensor):
             pose: pose of the camera in the parent.
 
         Raises:
-            Unsuitable: it is more than 1 mm deep inside a shape.
+            Unsuitable: the camera is more than 1 mm deep inside a shape.
         """
         plant = station.plant
         scene_graph = station.scene_graph

@@ -85,7 +85,7 @@ class Imu(SampledSensor):
             station: contents of the station.
 
         Raises:
-            SimrobError: it does not, or no frame is given and the station does not have exactly one robot.
+            SimrobError: the frame does not exist, or no frame is given and the station does not have exactly one robot.
         """
         check_frame(station, f"{key}.frame", self._frame_name(station, key))
 
@@ -220,12 +220,12 @@ class InertialUnit(SampledBlock):
         to_frame = transform_from_xyz_quaternion([0, 0, 0, *middle]).rotation().inverse()
         # f = R' ((v_k - v_(k-1)) / T - g)
         force = to_frame @ ((velocity - last_velocity) / self.period - self._gravity)
-        rates = pose.rotation().inverse() @ motion.rotational()
+        angular_velocity = pose.rotation().inverse() @ motion.rotational()
 
         # The bias is the first draw of the seed; the noise of each sample has a draw of its own.
         bias = self._bias * normal_noise(self.seed, 0, 6)
         noise = self._noise * normal_noise(self.seed, count + 1, 6)
-        measured = np.concatenate([force, rates]) + (bias + noise)
+        measured = np.concatenate([force, angular_velocity]) + (bias + noise)
         return {
             "specific_force": measured[:3],
             "angular_velocity": measured[3:],
@@ -385,7 +385,7 @@ class RelativeMotion(Block):
         self.DeclareVectorOutputPort("velocity", 6, weakly(self._calc_velocity))
         self._motion = self.DeclareVectorOutputPort("motion", 13, weakly(self._calc_motion))
 
-    # Both read the port of the whole motion, whose value Drake caches, so that it is computed once for both.
+    # The next two methods read the port `motion`, whose value Drake caches, so that it is computed once for both.
 
     def _calc_pose(self, context: Context, output: BasicVector) -> None:
         output.SetFromVector(self._motion.Eval(context)[:7])
@@ -401,9 +401,9 @@ class RelativeMotion(Block):
         frame_in_base = base.pose.inverse().multiply(frame.pose)
         arm = frame.pose.translation() - base.pose.translation()
 
-        # `Shift` gives the velocity of the same body at another point, given by the vector to it. With the turning axes
-        # fixed to the base, the velocity is relative to the point of the base at the frame's
-        # origin; with the axes fixed to the frame, the same the other way round.
+        # The term with Omega. `Shift` gives the velocity of the same body at another point, by the vector to it. With
+        # turning axes of the base, the base's velocity is taken where the frame's origin is: v_B + Omega x arm. With
+        # those of the frame, the frame's velocity is taken where the base's origin is: v_F - Omega x arm.
         base_velocity = base.velocity
         frame_velocity = frame.velocity
         if self._turning and self._axes == "base":

@@ -144,7 +144,7 @@ def add_sample_and_hold(
 def axis_names(signal: str, sensor: str, axes: Sequence[str] = "xyz") -> tuple[str, ...]:
     """Make the names of the result columns of a sensor's signal: ``<signal>.<sensor>.<axis>``.
 
-    A text in place of a list of axes is one of letters, such as "xyz".
+    A text in place of a list of axes stands for its letters: "xyz" for x, y and z.
     """
     return tuple(f"{signal}.{sensor}.{axis}" for axis in axes)
 
@@ -280,7 +280,7 @@ def _compute_after_run(
     """Compute an output of a sampled block at times of a run that is over.
 
     Args:
-        recorded: the run. The replay of the block is kept in its memo.
+        recorded: the run. The replay of the block is kept in its ``memo``, for the block's other outputs.
         times: the times, shape (m,) [s].
         block: the block.
         inputs: source of each input port of the block, by the port's name.

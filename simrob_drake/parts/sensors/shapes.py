@@ -1,7 +1,8 @@
 """Sensors at collision shapes: the distance to another thing, and the contact force.
 
 A class with the key ``kind`` is a section of ``sensors`` in a station file. The blocks are in
-:mod:`simrob_drake.blocks.contacts`.
+:mod:`simrob_drake.blocks.contacts`. A *model* is a model instance of Drake's plant: a robot with the pieces that it
+carries, or a piece.
 """
 
 from collections.abc import Collection, Sequence
@@ -102,7 +103,7 @@ Tangential = Literal["contact", "momentum balance", "left out"]
 
 It is the contact results, except with the scheme ``cenic``, which computes this part wrongly. There, it is computed
 after the run from the momentum of the model that the sensor is at, if the model is free. It is left out for an arm,
-whose base is held by an unknown force, and in a loop.
+whose base is held by an unknown force, and for a sensor with a ``rate``, whose samples are taken during the run.
 """
 
 
@@ -153,7 +154,7 @@ class Force(ShapeSensor):
         """Check that a sensor with errors has a rate: its errors are those of samples.
 
         Raises:
-            ValueError: it has none.
+            ValueError: the sensor has errors (noise, a resolution or a delay) and no rate.
         """
         if self._has_errors and self.rate is None:
             raise ValueError(
