@@ -275,8 +275,9 @@ def _holding_torque(
 ) -> Vector:
     """Compute the torques with which the joints hold a robot that stands at rest, shape (n,) [N·m or N].
 
-    The contacts push upward. With their forces f, the rows J of their vertical Jacobian and the generalized forces g of
-    gravity, statics demands: torque = -(g + sum of f J). The contacts (at least one) are the points that carry.
+    The k contacts (at least one) push upward, with the forces f (k,). With their vertical Jacobian J (k, nv) and the
+    generalized forces g (nv,) of gravity, statics demands -(g + J' f) of the joints. Of these nv values, the result has
+    those of the robot's axes.
     """
     points = np.array([contact.point for contact in contacts])
     mass = plant.CalcTotalMass(context, [robot.instance])

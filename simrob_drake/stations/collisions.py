@@ -78,8 +78,8 @@ class Overlap:
         bodies: names of the bodies in alphabetical order.
         robot: name of the robot that owns both bodies; an empty string if there is no such robot.
         moved: names of the bodies; in :meth:`CollisionPolicy.overlaps` the body of a moving
-            robot is first. If one robot owns both bodies, the order is alphabetical, as it
-            always is in :meth:`CollisionPolicy.touching`.
+            robot is first, and either body if all pairs count. If one robot owns both bodies, the
+            order is alphabetical, as it always is in :meth:`CollisionPolicy.touching`.
     """
 
     depth: float

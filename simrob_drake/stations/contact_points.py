@@ -205,8 +205,8 @@ def filter_contact_points(
     polyhedra = set(points.polyhedra)
     planes_and_polyhedra = polyhedra.union(planes)
     replaced = []
-    # Without the pairs of balls, which can be thousands and would take most of the time of building a station.
-    # Sorted, so that the order of the pairs is the same in every run.
+    # The filter above has removed the pairs of two balls, which can be thousands and would take most of the time of
+    # building a station. Sorted, so that the order of the pairs is the same in every run.
     for pair in sorted(inspector.GetCollisionCandidates()):
         has_polyhedron = not polyhedra.isdisjoint(pair)
         if has_polyhedron and planes_and_polyhedra.issuperset(pair):
@@ -452,7 +452,8 @@ def _balls_of_round_shape(
 ) -> list[ContactBall]:
     """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners.
 
-    The balls protrude by twice the depth [m] by which they sink in, so that they carry the flat parts.
+    The balls protrude by twice the depth [m] by which they sink in, but at least by SMALLEST_PROTRUSION and at most by
+    LARGEST_PROTRUSION, so that they carry the flat parts.
     """
     # Twice the depth, so that balls that have sunk in still hold the flat part off.
     protrusion = float(np.clip(2 * depth, SMALLEST_PROTRUSION, LARGEST_PROTRUSION))

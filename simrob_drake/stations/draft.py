@@ -93,7 +93,9 @@ def draft_station(
     """Write the YAML text of a first station for a robot.
 
     A robot with a fixed base starts clear of the floor and of itself, and moves all joints a little way under joint
-    torque, in continuous time if a trial run gets to its end quickly enough, otherwise in discrete steps. A robot with
+    torque, in continuous time if a trial run gets to its end quickly enough, otherwise in discrete steps. If it has
+    fingers, a program closes and opens them after this move, in discrete steps. If it has closed kinematic loops, it
+    begins in a posture that closes them, which is not checked for collisions, and moves in discrete steps. A robot with
     a floating base is put on its feet in a posture in which it stands in a trial run; a monitor ends the run if it
     falls. A robot without inertias moves kinematically. Comments in the file list what was checked, tried and found.
 
@@ -106,6 +108,7 @@ def draft_station(
 
     Raises:
         InvalidModel: the robot cannot be imported.
+        InvalidParameter: no posture within the limits closes the robot's kinematic loops.
         Unsuitable: options are given for a YAML file, or a YAML file describes a robot with a floating base that has no
             collision shapes.
     """
@@ -695,8 +698,8 @@ def _of_motors(robot: RobotModel, values: Vector) -> float | dict[str, float]:
     """Write values of all axes (n,) for a key of the servos.
 
     Returns:
-        a mapping without the axes that have no motor in the robot's file. If all axes have one, it is one number if all
-        values are equal, otherwise a mapping by axis.
+        a mapping by axis, without the axes that have no motor in the robot's file. If all axes have a motor and all
+        values are equal, it is one number instead.
     """
     if not robot.passive.any():
         return _number_or_mapping(robot, values)
@@ -717,7 +720,7 @@ def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, f
     """Write the targets of axes (n,) without those of followers, which the couplings move, and of passive axes.
 
     Returns:
-        a mapping by axis. If no axis is left out and all values are equal, it is one number.
+        a mapping by axis. If no axis is left out and all values are equal, it is one number instead.
     """
     left_out = {*robot.followers, *robot.passive_axes}
     if not left_out:

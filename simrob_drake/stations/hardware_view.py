@@ -209,13 +209,14 @@ def _export_robot(
     builder.ExportInput(position.get_input_port(), f"{robot.name}.position")
     builder.ExportInput(torque.get_input_port(), f"{robot.name}.torque")
     reference = position.get_output_port()
-    # The transposed selection puts values of the arm into a vector of all axes, with 0 for fingers.
+    # The matrix from the inputs to the reference of all n axes. Its columns for the arm are the transposed selection,
+    # which puts a value for each axis of the arm in its place, and 0 for fingers.
     spread = arm_rows.T
     if gripper is not None:
         opening = builder.AddNamedSystem(f"hardware.{gripper}.position", PassThrough(1))
         builder.ExportInput(opening.get_input_port(), f"{gripper}.position")
         both = np.ones((1, len(fingers)))  # a row that adds the values of both fingers
-        # Each finger moves by half of the opening.
+        # A last column for the opening: each finger moves by half of it.
         spread = np.hstack([spread, finger_rows.T @ both.T / _FINGERS])
         reference = add_multiplexer(
             builder, f"hardware.{robot.name}.reference", reference, opening.get_output_port()

@@ -108,10 +108,11 @@ def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
 
 
 def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
-    """Select the losses of an import that the station does not compensate, but for friction of its axes.
+    """Select the losses of an import that become findings of their own.
 
-    Mimic joints were reported as lost by older imports; stations now couple such an axis to its leader. Whether the
-    solver holds the coupling is judged elsewhere.
+    Friction of an axis is left out: `_friction_finding` reports it. Mimic joints of axes are left out, too. Older
+    imports reported them as lost, but stations now couple such an axis to its leader; `_unheld_mimic_finding` reports
+    those that the solver does not hold.
 
     Args:
         robot: the imported robot.
@@ -123,7 +124,6 @@ def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     for loss in lost:
         axis = _axis_of_joint(robot, loss.element)
         if axis is not None:
-            # Friction is reported by `_friction_finding`, with the setting that brings it back.
             if _FRICTION.match(loss.text):
                 continue
             if loss.text.startswith("mimics ") and axis in robot.model.followers:

@@ -674,6 +674,7 @@ def _override(
 
     Raises:
         InvalidConfig: the key or the value is invalid.
+        InvalidParameter: a mapping has a key that is no text.
     """
     if path == ["program"]:
         content["program"] = _program_content(value, Path.cwd())

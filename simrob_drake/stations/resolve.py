@@ -153,7 +153,8 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
         ground=ground,
         robots=robots,
         pieces=pieces,
-        # By the count of sensors that each one reads: those that read others come after them, and are not read.
+        # Sorted by how many sensors each one reads, so that a sensor comes after those that it reads: sensors that read
+        # others are not read themselves.
         sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
         unheld_gears=unheld_gears,
@@ -340,7 +341,7 @@ def _ground(
 
 
 def _fixed_boxes(pieces: Mapping[str, ResolvedPiece]) -> Iterator[tuple[RigidTransform, Vector]]:
-    """Yield the boxes of all pieces that are fixed to the world, directly or through other pieces.
+    """Yield the boxes with contact of all pieces that are fixed to the world, directly or through other pieces.
 
     Args:
         pieces: the station's pieces, each after its parent.
@@ -414,16 +415,17 @@ def _robot(
         stops.stiffness, "joint_stops.stiffness", usual_stops["stiffness"]
     )
     damping = model.axis_vector(stops.damping, "joint_stops.damping", usual_stops["damping"])
-    # In a kinematic station the base of such a robot is held at its pose, too.
-    floats = model.base == "floating"
+    has_free_base = model.base == "floating"
     # A robot with a free base stands on the floor, which may be inclined: its base is relative to the floor.
-    base = (ground.floor_pose if floats else RigidTransform()) @ transform_from_pose(entry.base)
+    origin = ground.floor_pose if has_free_base else RigidTransform()
+    base = origin @ transform_from_pose(entry.base)
     robot = ResolvedRobot(
         name=name,
         prefix=config.prefix(name),
         model=model,
         base=base,
-        floats=config.engine.moves_by_forces and floats,
+        # A kinematic station holds a free base at its pose, too.
+        floats=config.engine.moves_by_forces and has_free_base,
         gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
         motors=tuple(station_motors(model, servo)),
         stops=(stiffness, damping),

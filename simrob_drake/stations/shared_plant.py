@@ -42,7 +42,7 @@ class SharedPlant:
 
     Attributes:
         stations: the stations by their names in the plant; the name may be empty.
-        points: contact points of each station with any.
+        points: contact points of each station, which may be empty.
         floor: station whose floor is the floor of all; None if there is no floor yet.
         replaced_pairs: pairs of shapes whose contact points touch in their place; None until the plant is finalized
             and collision filters are set.

@@ -85,8 +85,8 @@ def step_findings(
 def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
     """Compare the damping of a robot's servos, which are evaluated explicitly, with the steps of the solver.
 
-    Only the axis that needs the shortest steps is reported, in one finding. The list is empty for continuous solvers
-    with an implicit scheme.
+    Only the axis that needs the shortest steps is reported, in one finding. The list is empty for a continuous scheme
+    that is not explicit, such as ``radau3`` and ``cenic``.
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
@@ -514,7 +514,7 @@ def bound_steps(
     step = min(longest, solver.max_step)
     integrator.set_maximum_step_size(step)
     if integrator.get_initial_step_size_target() > step:
-        # Drake would refuse to continue if the diagram changes.
+        # Drake refuses a first step above the longest one when it initializes the simulator for the run's next diagram.
         integrator.request_initial_step_size_target(step)
     step_accuracy = min(accuracy, solver.accuracy)
     integrator.set_target_accuracy(step_accuracy)

@@ -82,7 +82,7 @@ def _robot_values(
     section = config.robots[name]
     top = config.robot_key(name)
     if section.tcp is None and robot.tcp:
-        # A piece that the robot carries is its tool, too.
+        # The tool in use is one of the robot's own, or a piece of the station that the robot carries.
         yield (
             f"{top}.tcp",
             ValueInForce(robot.tcp, "robot" if robot.tcp in robot.model.tools else "station"),
