@@ -250,7 +250,8 @@ class ClearStart:
     def _with_less_faults(self, posture: Vector) -> Vector:
         """Reduce the faults of a posture (n,) [rad or m]; each step moves the axis that reduces the faults most.
 
-        The steps end if no move of a single axis reduces the faults. Returns the best posture, which may have faults.
+        It takes at most _STEPS steps, and ends earlier if no move of a single axis reduces the faults. Returns the best
+        posture, which may have faults.
         """
         for _ in range(_STEPS):
             neighbours = neighbouring_postures(self._robot, posture, self._axes)

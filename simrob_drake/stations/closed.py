@@ -267,6 +267,11 @@ def _early_sources(
 
     The station then reads the sources directly, and has no inputs for the quantities that the sources give.
 
+    Args:
+        builder: builder of the diagram.
+        station: the station.
+        played: reference of each robot, by the robot's name.
+
     Returns:
         the source of each robot by the robot's name; empty for a kinematic station.
     """

@@ -224,7 +224,7 @@ class CollisionPolicy:
     def allowed_from_start(self, movers: Collection[str]) -> dict[Bodies, float]:
         """Measure the overlap [m] that each pair of bodies may keep because it touches at the start.
 
-        Call this in the start posture. A pair may stay as deep during the move, such as a
+        Call this in the start posture of a move. A pair may stay as deep during the move, such as a
         piece on its table. The allowed depth is infinite for bodies without a common owner
         that overlap by more than START_TOLERANCE: such a pair is not checked at all, so
         that a move can separate the two bodies.

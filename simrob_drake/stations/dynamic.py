@@ -491,6 +491,12 @@ def _add_servo_blocks(
     With some engines, the actuators limit the torques themselves. The blocks then give commands without limits, and
     another block computes the torques that the actuators apply.
 
+    Args:
+        builder: builder of the diagram.
+        ports: ports of the station.
+        robot: the robot.
+        signals: desired motion, state of the axes and feedforward that the servos read.
+
     Returns:
         the applied torques, size n [N·m or N].
     """

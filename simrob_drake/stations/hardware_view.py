@@ -179,7 +179,9 @@ def _export_robot(
     def export(name: str, rows: Vector, source: OutputPort) -> None:
         """Export the product of a matrix and a port of the station as an output of this name."""
         port = add_matrix_gain(builder, f"hardware.{name}", rows, source)
-        if port is source:  # a port of the station may be exported under several names
+        # An identity matrix adds no block. A PassThrough then gives the output a port of its own: one port of the
+        # station, such as the torque, may serve two outputs.
+        if port is source:
             block = builder.AddNamedSystem(f"hardware.{name}", PassThrough(source.size()))
             builder.Connect(source, block.get_input_port())
             port = block.get_output_port()

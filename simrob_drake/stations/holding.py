@@ -44,7 +44,7 @@ def holding_findings(
 
     Returns:
         a finding for each axis, then findings about the tool and the payload as far as there is something to report. If
-        the links have no inertia, there is only a note that nothing was predicted.
+        links have no inertia and no posture needs a torque, there is only a note that nothing was predicted.
     """
     config = ports.config
     # Torques change slowly along a reference, and each posture takes a solution of the dynamics.

@@ -80,7 +80,7 @@ def import_findings(
 
 
 def _loss_text(group: WordGroup) -> str:
-    """Describe losses with the same text: the first element with the text, then the other elements."""
+    """Describe losses with the same text: the first element with the text, then the names of the other elements."""
     first, *others = group.places
     # A loss of the whole robot names no element.
     text = compound("{first}: {text}", first=first, text=group.text) if first else group.text

@@ -182,7 +182,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
-    """Draw the servos in the plant's actuators as a separate block next to the plant."""
+    """Draw the servos that the plant computes in its actuators, as a block of their own next to the plant."""
     driven = _axes_with_motor(robot, list(range(len(robot.axes))))  # indices
     label = compound(
         "{joints}{passive}",

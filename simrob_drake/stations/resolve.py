@@ -245,6 +245,10 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     If a value of the drives is given several times, that of the station counts, otherwise that of the robot's own file,
     otherwise that of the motor.
 
+    Args:
+        entry: the robot's section in the station.
+        servo: the section of its servos, which may name passive axes and motors.
+
     Raises:
         SimrobError: the files have a defect, or a value does not fit the robot.
     """

@@ -58,7 +58,7 @@ class SharedPlant:
         return station.config.floor is not None and self.floor is None
 
     def add(self, name: str, station: ResolvedStation, points: ContactPoints) -> None:
-        """Record a station that has been added to the plant."""
+        """Record a station that has been added to the plant under a name, with its contact points."""
         self.stations[name] = station
         self.points.append(points)
         # The floor stays that of the first station with one; `_check_floor` compares the others.

@@ -216,9 +216,10 @@ class Stances:
         return np.array([foot_place(self._clearance, leg) for leg in legs])
 
     def _stance(self, posture: Vector, how: str) -> Stance | None:
-        """Compute the stance of the robot in a posture (n,), with its lowest point on the floor.
+        """Compute the stance of the robot in a posture (n,) [rad or m], with its lowest point on the floor.
 
-        The posed station is left in this stance. Returns None if the robot has neither feet nor collision shapes.
+        The words `how` describe the posture. The posed station is left in this stance. Returns None if the robot has
+        neither feet nor collision shapes.
         """
         self._place(posture)
         # The root is lifted by as much as the lowest point was below it.

@@ -347,7 +347,8 @@ def _creeping_findings(
 ) -> list[Finding]:
     """Warn of stops and servos that are so stiff that a scheme with variable steps may creep.
 
-    The list is empty for other solvers, and for a scheme that holds joint limits by itself.
+    Stops are examined along the references, which are given by the name of the robot; for a robot without a reference
+    in the initial posture. The list is empty for other solvers, and for a scheme that holds joint limits by itself.
     """
     engine = config.engine
     # Only error control can make steps tiny, and an engine that holds joint limits needs no stiff stops.
@@ -447,6 +448,7 @@ def set_solver(simulator: Simulator, config: StationConfig) -> None:
         integration_scheme=solver.scheme,
         max_step_size=solver.max_step,
         accuracy=solver.accuracy,
+        # Off for the key `error_control: false`, and for schemes without an estimate of the error.
         use_error_control=not solver.engine.has_fixed_steps,
     )
     ApplySimulatorConfig(settings, simulator)
