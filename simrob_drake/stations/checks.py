@@ -68,7 +68,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     for robot in robots:
         findings += _effort_findings(config, robot)
         findings += _motor_findings(robot)
-        # A robot that floats has no fixed base to hold it: how it stands decides over its torques.
+        # A robot that floats has no fixed base to hold it: its torques depend on how it stands.
         stands = config.engine.moves_by_forces and robot.model.base == "floating"
         if stands:
             findings += _standing_findings(ports, robot)
@@ -532,7 +532,8 @@ def _standing_torque(
     # A passive axis has neither a torque limit nor a servo that gives way.
     if robot.gains.passive[axis]:
         return _standing_on_passive(robot, axis, torque)
-    # A motor gives less torque at speed. A robot that stands does not move, so the limit at rest counts.
+    # A motor gives less torque at speed. A robot that stands does not move, so its torque is compared with the limit at
+    # rest.
     limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
     subject = message(

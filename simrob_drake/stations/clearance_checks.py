@@ -3,8 +3,8 @@
 The station is not simulated. Its robots are set to postures along their references (the desired motions), and the
 heights and overlaps of all bodies are measured in each posture. A finding is a result for the user: a warning, a note,
 or that something is in order. The owner of a body is the robot that it belongs to: a link belongs to its robot, a piece
-to the robot that carries it; other pieces have no owner. In the model of a robot, carried pieces are links, too: the
-heights below are those of its own links and of the pieces that it carries.
+to the robot that carries it; other pieces have no owner. For heights, a *link* is a body of the plant: it includes the
+links that are fixed to it and the pieces that it carries.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -47,7 +47,7 @@ class _LinkHeight(NamedTuple):
     Attributes:
         height: height of the link's lowest point above the ground [m].
         time: time of the posture [s].
-        link: name of the link, or of a carried piece.
+        link: name of the link.
     """
 
     height: float
@@ -61,8 +61,8 @@ class _Measurements:
 
     Attributes:
         times: times of the m postures, shape (m,) [s].
-        heights: for each robot by name, m mappings with the height of each of its links and carried pieces above the
-            ground [m], by name. Those without collision shapes are left out.
+        heights: for each robot by name, m mappings with the height of each of its links above the ground [m], by the
+            link's name. Links without collision shapes are left out.
         overlaps: the collisions of all postures, without those with the floor.
     """
 

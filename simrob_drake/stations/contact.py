@@ -364,7 +364,7 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
 
     There are three cases:
 
-    * An engine other than Drake has friction of its own; nothing is added.
+    * An engine that computes friction itself, such as one of an extension, needs nothing, and nothing is added.
     * With the solver ``cenic`` friction is computed by blocks, since its actuators hold one torque for each joint, that
       of the motor.
     * Otherwise the plant has an actuator for the friction of each joint: a servo without stiffness whose torque limit

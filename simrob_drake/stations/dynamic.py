@@ -205,7 +205,7 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
     """
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
-        # The axis that needs the shortest steps decides.
+        # A time step that suits the axis with the shortest one suits all axes.
         worst = int(np.argmin(steps))
         step = config.engine.time_step
         # An explicit damper is unstable if kd h / M exceeds 2, see `_STABLE`; servos in actuators are implicit.
@@ -319,7 +319,7 @@ def _add_signals(
     for name in (*_DERIVATIVES, "feedforward"):
         if name in names:
             optional[name] = ports.add_input(builder, robot, name)
-    # Last, since the bus delays all commands together, and what is behind it is what the servos see.
+    # Last: the bus delays all commands together, and the servos read the ports behind it.
     if servo.bus is not None:
         reference, optional = _add_bus(builder, ports, robot, servo.bus, reference, optional)
     return ServoSignals(reference, state, **optional)

@@ -36,8 +36,10 @@ def import_findings(
             section or of the import is named.
 
     Returns:
-        a warning for each mimic joint that the solver does not hold; for an imported robot also a warning for each loss
-        of mechanics (losses with the same words share one), and a note that sums up the import.
+        a warning for each mimic joint that the solver does not hold. For an imported robot also one warning about lost
+        joint friction, a warning for each other loss of mechanics (losses with the same words share one), and a note
+        about estimated inertias, each if there is any; and a note that sums up the import, if the station itself
+        imports the robot.
     """
     findings = []
     for follower, leader in unheld_mimics(config, robot.name, robot.model):

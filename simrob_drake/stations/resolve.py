@@ -261,8 +261,8 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     motors = station_motors(robot, servo)
     if not any(motors):
         return robot
-    # Drives that are applied later replace earlier ones, so those of the motors come first. `robot.drives` has those of
-    # the robot's file with those of the station in their place.
+    # Drives that are applied later replace earlier ones, so those of the motors come first. `robot.drives` has the
+    # values of the robot's file, or of the station where it gives a value.
     without_drives = robot.model_copy(update={"drives": Drives()})
     return without_drives.with_drives(drives_of(motors, robot)).with_drives(robot.drives)
 

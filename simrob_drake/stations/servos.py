@@ -85,6 +85,7 @@ def check_drives(robot: RobotModel, drives: Drives) -> None:
     Raises:
         Unsuitable: a mapping gives a rotor, a gear or backlash to a passive axis.
     """
+    # The other keys, damping and friction, are allowed: they belong to the joint, which a passive axis has as well.
     for key in ("rotor_inertia", "gear_ratio", "backlash_deg"):
         values = getattr(drives, key)
         if not isinstance(values, dict):
@@ -259,9 +260,11 @@ def servo_gains(
 ) -> ServoGains:
     """Collect the gains and limits of a robot's servos.
 
-    A value of the station comes before the robot's own, and this before those of its motors and of the URDF.
+    A gain is that of the station, else that of the robot's own file, else 0. A torque limit is that of the station,
+    else the largest torque of the axis' motor, else the effort of the URDF. The limit of an integral part is that of
+    the station, else the torque limit. The speed limit of a cascade is that of the station, else that of the URDF.
 
-    Passive axes have neither gains nor a torque limit: all their values are 0.
+    Passive axes have neither gains nor a torque limit: these values are 0.
 
     Args:
         robot: the robot, with the passive axes of the station.

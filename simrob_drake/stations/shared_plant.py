@@ -323,7 +323,7 @@ def _check_floor(
         scene_graph: the scene graph of the plant.
 
     Raises:
-        SimrobError: another station has another floor, or the user has added a shape of this name.
+        SimrobError: another station has another floor, or the user has added a shape that is named ``floor``.
     """
     config = station.config
     if config.floor is None:

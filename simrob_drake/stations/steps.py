@@ -90,7 +90,7 @@ def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Findin
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
-    # The axis with the least inertia for its damping decides over the steps of all.
+    # A step that suits the axis with the shortest one suits all axes.
     worst = int(np.argmin(steps))
     largest = steps[worst]
     unit = robot.model.units[worst]
