@@ -203,7 +203,7 @@ def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
             continue
         zero = add_and_connect(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
         builder.Connect(zero, port)
-        # The robot whose input it is, for the picture.
+        # The robot whose input it is, for the picture. The prefix of an only robot is empty, and fits every name.
         owner = next(
             (robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None
         )

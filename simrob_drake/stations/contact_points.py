@@ -149,11 +149,10 @@ def add_contact_points(
     robots: Sequence[StationRobot],
     shapes: Sequence[GeometryId],
 ) -> ContactPoints:
-    """Register the balls of a station's flat shapes in the plant, before the plant is finalized. Returns these balls.
+    """Register the balls of a station's flat shapes in the plant, before the plant is finalized.
 
     Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
-    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots. Otherwise, and
-    if the station does not use contact points, the result is empty.
+    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots.
 
     Args:
         plant: the plant with all robots and pieces, not finalized.
@@ -161,6 +160,10 @@ def add_contact_points(
         station: the station with its pieces and configuration.
         robots: the robots in the plant.
         shapes: collision shapes of the station.
+
+    Returns:
+        the balls, and the polyhedra for which they stand; empty if the station does not use contact points, or has
+        neither free pieces nor robots that float with flat shapes.
     """
     points = ContactPoints()
     if not uses_contact_points(station.config):

@@ -453,7 +453,7 @@ def _check_axis_values(
     servo: ServoConfig,
     reference: ReferenceConfig,
 ) -> None:
-    """Check that the values by axis in the servo and the reference of a robot name axes of the robot.
+    """Check that mappings and lists of values by axis in the servo and the reference of a robot fit its axes.
 
     Raises:
         SimrobError: an axis is unknown, or there are too few or too many values.

@@ -389,7 +389,7 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     pass.
 
     Raises:
-        Unsuitable: the law of the servos cannot be combined with motors.
+        Unsuitable: the law of the servos is ``computed_torque``, and actuators realize the motors.
         InvalidParameter: a torque limit or a gain does not fit the motor in an actuator; the message names the key and
             its bound.
     """

@@ -419,7 +419,8 @@ def apply_solver(
         overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
     Raises:
-        UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.
+        UnsupportedSolver: the scheme ``cenic`` with a station whose plant is not a direct part of the root diagram, or
+            not the only plant in it.
         SimrobError: there is no such station, or an input in the diagram is neither connected nor exported.
     """
     config = config_of(station, overrides)
@@ -431,12 +432,13 @@ def apply_solver(
 
 
 def set_solver(simulator: Simulator, config: StationConfig) -> None:
-    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`.
+    """Set the solver of a simulator as a station's file demands. Open inputs of its diagram are not looked for.
 
     Nothing is changed for a kinematic station, or if the section ``solver`` is no continuous solver.
 
     Raises:
-        UnsupportedSolver: the scheme ``cenic`` with a plant that is not a direct part of the root diagram.
+        UnsupportedSolver: the scheme ``cenic`` with a plant that is not a direct part of the root diagram, or not the
+            only plant in it.
     """
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return

@@ -74,6 +74,8 @@ def _robot_values(
 ) -> Iterator[tuple[str, ValueInForce]]:
     """Yield dotted keys and values of a robot that the station leaves out: its tool, its feet, its servos and motors.
 
+    A kinematic station has no servos: there only the tool and the feet are yielded.
+
     Args:
         config: configuration of the station.
         name: name of the robot.
@@ -89,7 +91,6 @@ def _robot_values(
         )
     if section.feet is None and robot.model.feet is not None:
         yield f"{top}.feet", ValueInForce(robot.model.feet.default, "robot")
-    # A kinematic station has no servos.
     if not config.engine.moves_by_forces:
         return
     servo = config.servo_of(name)
