@@ -345,7 +345,7 @@ def _ground(
 
 
 def _fixed_boxes(pieces: Mapping[str, ResolvedPiece]) -> Iterator[tuple[RigidTransform, Vector]]:
-    """Yield the boxes with contact of all pieces that are fixed to the world, directly or through other pieces.
+    """Yield the boxes that others can touch, of all pieces that are fixed to the world, directly or through others.
 
     Args:
         pieces: the station's pieces, each after its parent.
