@@ -1,7 +1,9 @@
 """Program an arm by moves that have the names of RAPID: SimRob's class Kin, later Cin.
 
 A :class:`Workcell` is a station with its state; several objects :class:`Arm` may share it. A *planner* plans moves
-without running them.
+without running them: a *plan* is a move that was checked and can be run. The *reference* of a robot is where its axes
+should be. A *cell* of an automatic program is a posture to which a controller leads the robot; it lasts until the
+posture is reached. (An attribute or argument `cell` is a workcell.)
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -67,7 +69,12 @@ class Planner(Planning):
 def _method_that_runs(
     plan: Callable[Concatenate[Planning, P], Plan],
 ) -> "Callable[Concatenate[Arm, P], SimulationResult]":
-    """Make the method of an arm that plans a move by a function, and runs it."""
+    """Make a method of :class:`Arm` that plans a move by a function, and runs the plan.
+
+    Args:
+        plan: function that plans the move. Its first argument is the planner of the arm. The method has the other
+            arguments of this function and, for `help`, its docstring without that argument.
+    """
 
     @wraps(plan)
     def run(arm: "Arm", /, *targets: P.args, **how: P.kwargs) -> SimulationResult:
@@ -81,7 +88,7 @@ def _method_that_runs(
 def _method_of_cell(
     method: Callable[Concatenate[RecordedStation, P], Result],
 ) -> "Callable[Concatenate[Arm, P], Result]":
-    """Make the method of an arm that calls a method of its workcell."""
+    """Make a method of :class:`Arm` that calls a method of its workcell, with the same arguments and docstring."""
 
     @wraps(method)
     def call(arm: "Arm", /, *arguments: P.args, **options: P.kwargs) -> Result:
@@ -164,7 +171,7 @@ class Arm(ArmGeometry):
         _ = self.chain
 
     def _description(self) -> list[str]:
-        """Parts of the text that `repr` returns, with the pose of the tool."""
+        """Parts of the text that `repr` returns, with the present tool and its pose in the world."""
         pose = self.pose()
         # Adding 0 turns -0 into 0.
         position = pose[:3].round(6) + 0.0
@@ -183,6 +190,7 @@ class Arm(ArmGeometry):
 
         Raises:
             UnknownName: there is no such tool.
+            InvalidParameter: the value is no pose, or it is in other units than m and rad.
         """
         self.cell.tool(self.name, tool)
 
@@ -200,6 +208,7 @@ class Arm(ArmGeometry):
             solver=self.solver,
             frame=self.frame,
             collide=self.cell.check_collisions,
+            # Functions of robots' names. Torques are computed in a plant in which free pieces are fixed.
             motors=lambda robots: Motors(self.cell.model.rigid, robots),
             space=self.cell.free_space,
         )
@@ -216,7 +225,8 @@ class Arm(ArmGeometry):
         Raises:
             SimrobError: the move has a wrong key or value, or cannot be done.
         """
-        # A move returns what its `run` function returns. Its type is not known there.
+        # A move returns what the function returns by which it runs its plans, here `run_plans`. Its type is not known
+        # there.
         return cast(
             SimulationResult | None,
             move_from(move).perform(self.cell, self.name, self.cell.run_plans),
@@ -239,7 +249,8 @@ class Arm(ArmGeometry):
         They hold the piece by friction alone, and keep that force.
 
         Args:
-            **how: keys of :class:`~simrob_drake.programs.moves.grip.GripMove`.
+            **how: keys of :class:`~simrob_drake.programs.moves.grip.GripMove`: ``width`` [m], ``force`` [N] and
+                ``duration`` [s].
 
         Raises:
             InvalidParameter: the robot has no fingers, or they cannot close so far or so hard.
@@ -281,6 +292,13 @@ class Arm(ArmGeometry):
 
         Without ``parent``, the piece is attached to the tool in use if that is a piece itself. Otherwise it is attached
         to the robot: at ``frame``, or else at the robot's first tool.
+
+        Args:
+            piece: name of the piece.
+            parent: ``world``, a robot or another piece. If it is None, the present tool of the arm.
+            frame: a frame of the parent piece, or a tool or link of the robot.
+            pose: pose of the piece in the parent's frame, to which it jumps. If it is None, the piece stays where it
+                is, and must be near.
         """
         # The tool in use may be a piece that the robot carries, so only the station can find it.
         if parent is None:
@@ -300,9 +318,10 @@ class Arm(ArmGeometry):
         """
         # The plan is not run: planning checks limits and collisions.
         self.plan.move_abs_j(targets)
-        rows = np.atleast_2d(self.chain.postures(targets, "targets"))
+        rows = np.atleast_2d(self.chain.postures(targets, "targets"))  # one posture in each row
         # Cells are stored as in a program's file: in degrees, or in metres for axes that slide.
         values = rows / self.cell.robot(self.name).model.user_units
+        # Each cell has a target for every axis, by the axis' name.
         self.references += [
             move_of(dict(zip(self.axes, row.tolist(), strict=True)), duration) for row in values
         ]
@@ -367,11 +386,11 @@ class Arm(ArmGeometry):
 def workcell_of(
     station: "Workcell | StationLike", overrides: Mapping[str, Any] | None
 ) -> "Workcell":
-    """Find the workcell that a user means by a station.
+    """Find the workcell that a user means by a station: a given workcell itself, or a new one of a station.
 
     Args:
         station: a workcell, or a station from which one is made.
-        overrides: new values of the station; None if there are none.
+        overrides: new values of the station by key; None if there are none.
 
     Raises:
         Unsuitable: there are overrides for a workcell, whose station is in use already.
@@ -414,7 +433,7 @@ class Workcell(RecordedStation):
         return Arm(self, name, tool, solver=solver)
 
     def planning(self, robot: str | None) -> Planner:
-        """Planner of a robot from where it is. None means the only robot of the station."""
+        """Planner of a robot from its reference. None means the only robot of the station."""
         return self.arm(robot).plan
 
     def perform(self, program: Program | Path | str) -> SimulationResult:
@@ -472,9 +491,10 @@ class Workcell(RecordedStation):
     def rehearse(self, program: Program, file: str = "") -> tuple[int, float]:
         """Check that arms can do a program, as far as this can be known without a run.
 
-        The robots are put where each move leads them, without a simulation, and stay there at the end. A free piece
-        that fingers close on moves with them until they open. The check ends before a move that depends on what only
-        a simulation shows: where a piece comes to rest that falls, or what the station's own references do.
+        The robots of this workcell are put where each move leads them, without a simulation, and stay there at the end:
+        call it on a copy. A free piece that fingers close on moves with them until they open. The check ends before a
+        move that depends on what only a simulation shows: where a piece comes to rest that falls, or what the station's
+        own references do.
 
         Args:
             program: the program.
@@ -496,7 +516,10 @@ class Workcell(RecordedStation):
         dropped: set[str] = set()  # free pieces that fingers released in the air
 
         def stand(plans: list[Plan], duration: float | None) -> float:
-            """Place the robots at the ends of plans, and note the pieces that were dropped."""
+            """Place the robots at the ends of plans, and note the dropped pieces. Returns the duration [s].
+
+            The moves call it in place of the function that runs the plans.
+            """
             time, dropped_now = self._stand(plans, duration)
             dropped.update(dropped_now)
             return time
@@ -510,6 +533,7 @@ class Workcell(RecordedStation):
             if depends_on_run or may_meet_dropped:
                 return number, total_time
             with naming(move_name(number, len(program.moves), file)):
+                # A move that takes no time returns None.
                 total_time += move.perform(self, program.robot, stand) or 0.0
             # Every move that names a free piece may have moved it: a later one would need its new place.
             released |= {name for name in self.config.free_pieces if name in move.pieces()}
@@ -520,12 +544,22 @@ class Workcell(RecordedStation):
     ) -> tuple[list[SimulationResult], list[MoveSpan]]:
         """Perform the moves of a program one after the other, up to one whose run is ended early.
 
+        Args:
+            program: the program.
+            file: file of the program, for messages; empty if there is none.
+
         Returns:
-            The runs, and the times at which each move began and ended.
+            The runs, and the times at which each move began and ended, since the start of the first run. Moves that
+            take no time have a span, but no run.
+
+        Raises:
+            SimrobError: a move cannot be done. The message names it. The moves before have been done.
         """
         runs: list[SimulationResult] = []
         spans: list[MoveSpan] = []
         now = 0.0
+        # Whether results refer to moves by their numbers. A program that only plays the references of the station's
+        # file has no moves that a user would know.
         is_named = not program.plays_references
         for number, move in enumerate(program.moves):
             try:
@@ -547,23 +581,28 @@ class Workcell(RecordedStation):
         return runs, spans
 
     def run_plans(self, plans: list[Plan], duration: float | None) -> SimulationResult:
-        """Run planned moves of a list, as :meth:`run` does, for a duration [s] if there is one."""
+        """Run planned moves of a list, as :meth:`run` does, for a duration [s] or, if it is None, to the last end."""
         return self.run(*plans, duration=duration)
 
     def stand(self, plans: list[Plan], duration: float | None) -> float:
         """Put robots, and what their fingers hold, where moves lead them, without a simulation.
 
         Args:
-            plans: the moves, which run at the same time.
+            plans: the moves, which run at the same time. There may be none if a duration is given.
             duration: duration of the run [s]; if it is None, the run lasts until the last move ends.
 
         Returns:
             the duration of the run [s].
+
+        Raises:
+            SimrobError: the moves cannot be run at the same time, see :meth:`check_together`.
         """
         return self._stand(plans, duration)[0]
 
     def _stand(self, plans: list[Plan], duration: float | None) -> tuple[float, frozenset[str]]:
         """Do what :meth:`stand` does, and find out which pieces fingers dropped.
+
+        Arguments and errors are those of :meth:`stand`.
 
         Returns:
             the duration of the run [s], and the names of the pieces that fingers released with nothing below them.
@@ -576,16 +615,17 @@ class Workcell(RecordedStation):
 
 
 def _explain_by_lost_piece(problem: PathCollision, runs: Sequence[SimulationResult]) -> None:
-    """Add to a refused move that its obstacle is a piece that slipped out of fingers in a move before.
+    """Add to the message of a refused move that its obstacle is a piece that slipped out of fingers in a move before.
 
     Args:
-        problem: the error of the move. It stays as it is if the obstacle is something else.
-        runs: the runs of the moves before.
+        problem: the error of the move, which is changed. It stays as it is if the obstacle is something else.
+        runs: the runs of the moves before. Their verdicts have a warning `lost_piece` if a piece slipped.
     """
     # The most recent loss explains the collision best: a piece can be lost, gripped and lost again.
     for run in reversed(runs):
         for measure in run.verdict.measures:
             is_lost = measure.criterion.name == "lost_piece" and measure.warning
+            # The subject of this measure is the piece. A run's `place` is the name of its move in messages.
             if is_lost and measure.worst.subject in problem.bodies:
                 problem.add_lost_piece(measure.worst.subject, run.place)
                 return

@@ -2,6 +2,9 @@
 
 A branch is one of the postures that bring the tool to the pose, such as "elbow up". For each branch this module
 finds the torque that holds it, the distance of the axes to their limits, and what the arm would collide with.
+
+The surroundings of a robot are all bodies that neither belong to it nor are carried by it, also other robots. A body
+may consist of several *shapes*, between which distances are computed.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -84,7 +87,7 @@ class Branch:
             chain: the arm.
             posture: positions of the axes, shape (n,) [rad or m].
             torque: torques that hold the posture, shape (n,) [N·m or N].
-            limit: torque limits of the motors, shape (n,) [N·m or N].
+            limit: torque limits of the motors, shape (n,) [N·m or N]. It is infinite for an axis without a motor.
             collision: the collision in this posture; empty if there is none.
             gap: the smallest distance to the surroundings.
         """
@@ -138,10 +141,14 @@ class Branches:
         Args:
             chain: the arm.
             target: pose of the tool in the base of the arm, shape (1, 4, 4).
-            start: posture (n,). Of positions of an axis that differ by whole turns, the one nearest to it is taken.
+            start: posture (n,) [rad or m]. Of positions of an axis that differ by whole turns, the one nearest to it is
+                taken.
             held: axes that do not take part in the search, by name: one position [rad or m], or several positions that
-                are all tried.
+                are all tried. If there are several such axes, all combinations are tried.
             evaluate: evaluates a posture (n,).
+
+        Returns:
+            The postures, usable ones first; none if no posture reaches the target.
 
         Raises:
             InvalidParameter: `held` is not a mapping, or contains positions that are no numbers.
@@ -153,7 +160,8 @@ class Branches:
             Mapping,
             message("programs.axes_to_positions", "a mapping of axes to positions [rad or m]"),
         )
-        # An empty list of positions is kept as it is, so that the search refuses it with a message.
+        # The positions of each held axis. An empty list of positions is kept as a position, so that the search refuses
+        # it with a message.
         choices = [np.ravel(positions).tolist() or [positions] for positions in held.values()]
         postures = []
         for positions in product(*choices):
@@ -161,6 +169,7 @@ class Branches:
             # The search takes several targets and gives a list for each: here there is one.
             postures.append(branches(chain, target, start, held_positions)[0])
         found = [evaluate(posture) for posture in np.concatenate(postures)]
+        # False comes before True. Otherwise the order stays.
         return cls(chain, tuple(sorted(found, key=lambda branch: not branch.usable)))
 
     def __len__(self) -> int:
@@ -237,7 +246,7 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
     """Describe the collision of a robot in a posture (n,) [rad or m], such as "link_5 in table".
 
     Returns an empty string if there is no collision. Bodies that touch in the present posture
-    ``now`` (n,) may stay as deep.
+    ``now`` (n,) may stay as deep. The robot of the model is left in the posture.
     """
     # A motion of two postures: the first one shows what touches already, the second is checked.
     motion = {robot: np.array([now, posture])}
@@ -258,7 +267,8 @@ def _surroundings(model: StationModel, robot: str) -> Distances:
     """Distances of all pairs of shapes between a robot and its surroundings.
 
     One shape of each pair belongs to the robot (or to what it carries), and the other does
-    not. The robot's shape is first.
+    not. The robot's shape is first. Pairs that the station filters from collisions are left out. The
+    returned object computes the distances in any posture of the model.
     """
     inspector = model.station.scene_graph.model_inspector()
     is_of_robot: dict[GeometryId, bool] = {}
@@ -280,6 +290,11 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], Ga
     The function takes a posture (n,) [rad or m], and places the robot of the model there. Pairs of shapes with a
     constant distance do not count, such as a turning column and the floor below. If no pair counts, the distance is
     infinite and both names are empty.
+
+    Args:
+        model: the station with collision shapes.
+        robot: name of the robot.
+        chain: its axes, from whose limits random postures are drawn that show which distances change.
     """
     surroundings = _surroundings(model, robot)
 
@@ -292,7 +307,7 @@ def gaps(model: StationModel, robot: str, chain: Chain) -> Callable[[Vector], Ga
     changes = np.ptp(samples, axis=0) > _SAME  # for each pair, shape (pairs,)
 
     def gap(posture: Vector) -> Gap:
-        """Smallest distance in a posture."""
+        """Smallest distance in a posture (n,) [rad or m]."""
         if not changes.any():
             return Gap(np.inf, "", "")
         counted = np.where(changes, distances(posture), np.inf)
@@ -318,7 +333,8 @@ def approaches(model: StationModel, plan: Plan, rows: Vector, times: Vector) -> 
         times: times of these positions since the start of the move, shape (k,) [s].
 
     Returns:
-        both distances; infinite and without names if the base of a robot is not fixed.
+        the smallest distance to the surroundings, and that between bodies of the robot itself. Both are infinite and
+        without names if the base of a robot is not fixed; one is if no pair counts for it.
     """
     nothing = Approach(np.inf, "")
     # The recorded positions have another size if the base of a robot is not fixed.
@@ -330,12 +346,14 @@ def approaches(model: StationModel, plan: Plan, rows: Vector, times: Vector) -> 
     planned = model.robots[plan.robot].axis_map.spread_positions(postures, around)
     motion = _Motion(recorded=rows, planned=planned)
 
+    # Pieces that fingers of the robot hold, at the end and at the start of the move.
     inspector = model.station.scene_graph.model_inspector()
     model.place(rows[-1])
     held_at_end = {piece for piece, robot in model.gripping_robots().items() if robot == plan.robot}
     with model.holding_at(rows[0]):
         held_at_start = {piece for piece, robot in model.holders.items() if robot == plan.robot}
         held = held_at_start | held_at_end
+        # The links of the robot have a prefix in the names of bodies if the station has several robots.
         links = {
             f"{model.robots[plan.robot].prefix}{link}"
             for link in model.robots[plan.robot].model.links
@@ -389,15 +407,17 @@ def _nearest_approach(
     To save time, all pairs of shapes are evaluated at every fourth posture only. The pairs
     that come nearest there are then evaluated at every posture.
 
+    A pair counts only if its distance changes along the planned motion, or clearly along the recorded one.
+
     Args:
         model: the station with collision shapes, whose plant is placed along the motion.
         motion: positions of the plant along the motion.
         pairs: the pairs of shapes whose distances may count.
         for_pairs: makes an object that computes the distances of some of these pairs.
-        ignores_first_contacts: leave out the pairs that touch at the start.
+        ignores_first_contacts: leave out the pairs that touch at the start, by the tolerance of collisions.
 
     Returns:
-        the smallest distance; infinite and without names if no pair counts.
+        the smallest distance [m] and the text "<body> to <body>"; infinite and without names if no pair counts.
     """
     nothing = Approach(np.inf, "")
     if not pairs:
@@ -406,6 +426,7 @@ def _nearest_approach(
     distances = for_pairs(pairs)
     sparse = _distances_along(model, distances, motion.recorded[::_SPARSE])
     planned = _distances_along(model, distances, motion.planned[::_SPARSE])
+    # By how much each distance changes decides whether its pair counts, shape (pairs,).
     counts = (np.ptp(planned, axis=0) > _SAME) | (np.ptp(sparse, axis=0) > _CLEAR_CHANGE)
     if ignores_first_contacts:
         counts &= sparse[0] > OTHER_TOLERANCE

@@ -1,6 +1,8 @@
 """Errors of moves that cannot be done. Nothing has moved when one of them is raised.
 
-In all of them, `where` names the point of the move, and `shown` is a value with its unit, its limit and an advice.
+In all of them, `where` names the point of the move, such as "point 3 of 30 on the way to the target", and `shown` is a
+text: a value in the user's unit, and what else the docstring of the constructor names. The other arguments are the
+attributes of the class, in SI units.
 """
 
 from simrob_drake.base.errors import SimrobError
@@ -48,6 +50,7 @@ class _TooFast(SimrobError):
         duration: shortest duration in which the whole move can be done [s].
     """
 
+    # The words between "would" and the rate in the message; a subclass sets them.
     _word = ""
 
     def __init__(
@@ -133,7 +136,7 @@ class BrokenPath(SimrobError):
     """
 
     def __init__(self, where: str, axis: str, *, point: int, jump: float, shown: str) -> None:
-        """Make the error. The argument `shown` is the jump with its unit."""
+        """Make the error. The argument `shown` is the jump with its unit, without a limit or an advice."""
         # Two postures near a singular one reach nearly the same pose, and are far from each other.
         advice = message(
             "programs.singular_path",
@@ -249,9 +252,9 @@ class GoalInCollision(NoFreePath):
 
         Args:
             target: name of the target.
-            count: count of postures that reach it.
+            count: count of postures that reach it, at least 1.
             depth: depth of the overlap in the posture where it is least [m].
-            bodies: names of the two bodies, the moving one first.
+            bodies: names of the two bodies that overlap in this posture, the moving one first.
         """
         has_several = count > 1
         # One posture has one collision. Of several postures, the message describes the collision that is least deep.

@@ -109,8 +109,8 @@ class ProgramExporter(Exporter, ABC):
 def all_exporters() -> dict[str, Exporter | SimrobError]:
     """Find all exporters by the name of their format.
 
-    An exporter that cannot be used is replaced by the error with the reason. This includes the formats of this
-    project's own extensions if such an extension is missing.
+    All exporters are loaded. One that cannot be used is replaced by the error with the reason, which is not raised.
+    This includes the formats of this project's own extensions if such an extension is missing.
     """
     found: dict[str, Exporter | SimrobError] = {}
     # Names of this project's own formats are listed even if their extension is not installed: the help then has the
@@ -124,7 +124,7 @@ def all_exporters() -> dict[str, Exporter | SimrobError]:
 
 
 def load_exporter(name: str) -> Exporter:
-    """Load an exporter by the name of its format.
+    """Load an exporter by the name of its format: import the extension that announces it, and make an object of it.
 
     Raises:
         BrokenExtension: the class cannot be used, or the name of the format is no Python identifier.
@@ -160,7 +160,7 @@ def load_exporter(name: str) -> Exporter:
                 expected=expected_class,
             )
         )
-    # A format `my-csv` would become an option that Python cannot take as a keyword.
+    # The option of the command becomes a keyword argument in Python, which `my-csv` could not be.
     if not name.isidentifier():
         raise BrokenExtension(
             message(

@@ -1,7 +1,8 @@
 """State of a station after moves that are only looked at: no simulation, but fingers close on pieces and carry them.
 
 A run shows where fingers stop and where a piece is then. Without a run, fingers stop where two links of
-their robot touch a piece that lies free. From then on the piece moves with them, until they open.
+their robot touch a piece that lies free. From then on the piece moves with them, until they open. The *reference* of a
+robot is where its axes should be: fingers that a piece stops do not reach theirs.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -42,9 +43,9 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
     from their references.
 
     Args:
-        cell: the station, in the state in which the moves begin.
-        plans: the moves, which run at the same time.
-        time: duration of the moves [s].
+        cell: the station, in the state in which the moves begin. Its state is not changed.
+        plans: the moves, which run at the same time. Robots without a move stay.
+        time: duration of the run [s].
     """
     references = {robot: cell.reference(robot) for robot in cell.config.robots}
     # A run may be shorter than a move: then the robot ends in the middle of it.
@@ -52,6 +53,7 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
         end = min(time, plan.duration)
         references[plan.robot] = plan.postures(np.array([end]))[0]
     at_rest = {robot: np.zeros_like(posture) for robot, posture in references.items()}
+    # A station has no state before its first run: then its free pieces are where they begin, and no block has a state.
     before = cell.state or State(references, at_rest, references)
     after = replace(before, positions=references, velocities=at_rest, references=references)
 
@@ -77,8 +79,12 @@ def foresee(cell: StatefulStation, plans: Sequence[Plan], time: float) -> Foresi
 
 
 def _opens(cell: StatefulStation, robot: str, reference: Vector) -> bool:
-    """Whether fingers are wider open at a reference (n,) [rad or m] than they are now."""
+    """Whether a robot opens a finger: at its reference (n,) [rad or m] one is wider open than it is now.
+
+    It is False for a robot without fingers.
+    """
     now = cell.position(robot)
+    # Each finger is an axis, here by its index, with the positions in which it is closed and open [rad or m].
     for axis, (closed, opened) in cell.robot(robot).model.fingers.items():
         # The open position of a finger may be the larger or the smaller one.
         direction = np.sign(opened - closed)
@@ -97,9 +103,12 @@ def _positions_with_grips(
 
     Args:
         cell: the station, in the state in which the moves begin.
-        model: collision model of the station in this state.
+        model: collision model of the station in this state. Its robots are placed elsewhere by this function.
         plans: the moves.
-        references: references (n,) [rad or m] of all robots at the end of the moves.
+        references: references (n,) [rad or m] of all robots at the end of the moves, by name.
+
+    Returns:
+        The positions (n,) [rad or m] by robot: the references, except for fingers that a piece stops.
     """
     planned = {plan.robot: plan for plan in plans}
     holding = set(model.holders.values())
@@ -109,7 +118,9 @@ def _positions_with_grips(
         if not fingers or _opens(cell, robot, reference):
             continue
         # Fingers that hold a piece stay where it stops them. Fingers that close stop at the first piece.
-        stopped: Vector | None = None
+        stopped: Vector | None = (
+            None  # posture (n,) in which the fingers stop; None if nothing stops them
+        )
         if robot in holding:
             stopped = cell.position(robot)
         elif robot in planned:
@@ -124,10 +135,17 @@ def _positions_with_grips(
 def _grip_posture(model: StationModel, plan: Plan, fingers: list[int]) -> Vector | None:
     """Find the posture (n,) [rad or m] of a move in which fingers first touch a free piece from two sides.
 
-    Returns None if the move does not close them on a piece.
+    Returns None if the move does not close them on a piece. The model's robot is left in a posture of the move.
+
+    Args:
+        model: collision model of the station.
+        plan: the move.
+        fingers: indices of the axes that are fingers.
     """
+    # The move leaves the fingers where they are.
     if np.array_equal(plan.start[fingers], plan.end[fingers]):
         return None
+    # `looks` are the times at which a plan is checked, close enough to each other that no contact is missed.
     for posture in plan.postures(plan.looks):
         model.place_robots({plan.robot: posture})
         if plan.robot in model.gripping_robots().values():
@@ -136,7 +154,7 @@ def _grip_posture(model: StationModel, plan: Plan, fingers: list[int]) -> Vector
 
 
 def _joints_of(model: StationModel, pieces: Iterable[str]) -> dict[str, JointState]:
-    """State of the joints of free pieces that rest where they are in a model."""
+    """State of the joints of free pieces that rest where they are in a model, by the names of the joints."""
     joints = {}
     for piece in pieces:
         pose = model.pose(model.station.free_pieces[piece].body_frame())
@@ -147,16 +165,24 @@ def _joints_of(model: StationModel, pieces: Iterable[str]) -> dict[str, JointSta
 
 
 def _is_supported(cell: StatefulStation, state: State, piece: str) -> bool:
-    """Whether a free piece has something else than a robot directly below it."""
+    """Whether a free piece has something else than a robot directly below it, within 5 mm.
+
+    Args:
+        cell: the station.
+        state: state in which the piece lies.
+        piece: name of the piece.
+    """
+    # The model is shared: whoever uses it next places it anew.
     model = cell.collision_model
     model.place_state(state, state.positions.__getitem__, state.references.__getitem__)
     body = model.station.free_pieces[piece]
-    # A piece that rests on a table does not overlap with it. It does when it is a little lower.
+    # A piece that rests on a table need not overlap with it. It does when it is a little lower.
     lowered = RigidTransform(np.array([0.0, 0.0, -_SUPPORT_DISTANCE])) @ model.pose(
         body.body_frame()
     )
     model.plant.SetFreeBodyPose(model.context, body, lowered)
     model.place(model.plant.GetPositions(model.context))
+    # Pairs of names of bodies that touch. A robot below the piece, such as its own fingers, does not support it.
     pairs_with_robots = model.policy.touching(movers=model.robots).keys()
     other_pairs = model.policy.touching().keys() - pairs_with_robots
     return any(piece in bodies for bodies in other_pairs)

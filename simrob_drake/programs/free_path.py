@@ -7,6 +7,9 @@ straight.
 
 Distances between postures are measured in metres: a radian of an axis counts as the largest distance that it can move
 the tool.
+
+The collision policy of a station decides which pairs of bodies collide, and from which overlap on (their tolerance).
+The owner of a body is the robot to which it belongs, or that carries it.
 """
 
 from collections import Counter
@@ -101,11 +104,12 @@ class FreeSpace:
     def collisions(self, posture: Vector, share: float = 1.0) -> list[Overlap]:
         """Find the collisions in a posture, the deepest first.
 
-        If only pairs collide that :meth:`allow_goal` has recorded, `share` is ignored.
+        If all pairs that collide are among those that :meth:`allow_goal` has recorded, `share` is ignored: the result
+        is that of the whole tolerances.
 
         Args:
-            posture: positions of all robots that move, shape (n,) [rad or m].
-            share: factor on the tolerances, from 0 to 1.
+            posture: positions of all robots that move, shape (n,) [rad or m]. The robots of the model are left there.
+            share: factor on the tolerances (overlaps that do not count as collisions), from 0 to 1.
         """
         self.model.place_robots(self.split_by_robot(posture))
         policy = self.model.policy
@@ -118,7 +122,8 @@ class FreeSpace:
     def allow_goal(self, posture: Vector) -> None:
         """Record the pairs of bodies that need more than the search's share of the tolerance at a goal (n,).
 
-        From then on, the search uses the whole tolerance for these pairs.
+        From then on, :meth:`collisions` uses the whole tolerance where only such pairs collide. The posture itself must
+        be free by the whole tolerances.
         """
         found = self.collisions(posture, SEARCHED)
         self._close_at_goal.update(overlap.bodies for overlap in found)
@@ -153,14 +158,17 @@ class FreeSpace:
         """
         self.model.place_robots(self.start)
         query = self.model.query()
-        # The pieces that hang on its tools from the start, and those that fingers of any robot hold now.
+        # The pieces that hang on its tools, and those that fingers of any robot hold now: below, `owner` leaves out
+        # those of other robots.
         pieces = {*self.model.robots[robot].held, *self.model.holders}
         corners = [_NO_POINTS]
         for shape in query.inspector().GetAllGeometryIds(Role.kProximity):
             body, owner = self.model.policy.owner(shape)
             box = query.inspector().GetObbInGeometryFrame(shape)
+            # A shape without limits, such as a half space, has no box.
             if owner == robot and box is not None and body in pieces:
                 pose = query.GetPoseInWorld(shape) @ box.pose()
+                # Positions in the box (8, 3), one in each row: R p is written as (R p')' for rows.
                 corners_in_box = _CORNER_SIGNS * box.half_width()
                 corners.append((pose.rotation().matrix() @ corners_in_box.T).T + pose.translation())
         return np.vstack(corners)
@@ -176,14 +184,15 @@ def metres_per_radian(chain: Chain, carried: Vector = _NO_POINTS) -> Vector:
         chain: the arm.
         carried: points of what the arm carries, in the frame of the tool, shape (k, 3) [m].
     """
+    # Always the same random postures, from the seed 0.
     postures = random_postures(chain, _SAMPLES, 0)
-    # One row of points for each posture; the first point is the tool centre point. Shape (postures, points, 3), along
-    # the axes of the world.
+    # The first point is the tool centre point, shape (points, 3).
     points_in_tool = np.vstack([np.zeros(3), carried])
     # The lever of a point, from the tool centre point, is R p with the rotation R of the tool; for rows of points it is
-    # the product with R'.
+    # the product with R'. Shape (postures, points, 3), along the axes of the world.
     levers = points_in_tool @ chain.forward(postures)[:, :3, :3].swapaxes(1, 2)
-    # The velocity of a point at the lever r is v + w x r, here for a unit speed of each axis.
+    # The velocity of a point at the lever r is v + w x r, here for a unit speed of each axis: the first three rows of a
+    # Jacobian are v, the last three w. Shape (postures, points, 3, n).
     jacobians = chain.jacobian(postures)[:, np.newaxis]
     velocities = jacobians[:, :, :3] + np.cross(
         jacobians[:, :, 3:], levers[..., np.newaxis], axis=2
@@ -254,10 +263,11 @@ class Search:
     def path(self, goals: Vector) -> Vector:
         """Find a path without collisions to one of several goals (m, n), sorted by distance, the nearest first.
 
-        Straight lines to the nearest goals are tried before the search. The search stores its trees in `branches`.
+        Straight lines to the nearest goals are tried first. If none is free, the search begins, which stores its trees
+        in `branches`. The path may lead to any goal, not only to the nearest one.
 
         Returns:
-            the corners of the path, shape (k, n) [rad or m].
+            the corners of the path with its start and the goal, shape (k, n) [rad or m].
 
         Raises:
             NoFreePath: no path was found within `seconds`; names the bodies in the way.
@@ -265,7 +275,7 @@ class Search:
         start = self.space.posture
         for goal in goals[:_STRAIGHT_TRIES]:
             line = np.array([start, goal])
-            # The start itself is free: `FreeSpace` has checked it.
+            # Without the first posture, the start: `FreeSpace` has checked it.
             postures = self._interpolate(line, _LOOK)[1:]
             if not any(self.space.collides(posture) for posture in postures):
                 return line
@@ -276,7 +286,7 @@ class Search:
 
         The smooth path is a spline whose control points lie on the straight lines between
         the corners. If it collides, the control points are put closer together, which keeps
-        the spline nearer to the lines.
+        the spline nearer to the lines. If the path has no length, its posture is repeated.
 
         Raises:
             NoFreePath: even the spline nearest to the lines collides.
@@ -295,6 +305,7 @@ class Search:
             inner_knots = np.linspace(0.0, 1.0, len(control_points) - _DEGREE + 1)
             knots = np.concatenate([np.zeros(_DEGREE), inner_knots, np.ones(_DEGREE)])
             spline = BSpline(knots, control_points, _DEGREE)
+            # The spline is not longer than the lines. It is not evenly fast, so further postures are added.
             count = int(np.ceil(path_length / CLOSE_LOOK)) + 2 * len(control_points)
             postures = np.asarray(spline(np.linspace(0.0, 1.0, count)))
             hit = self._first_hit(postures)
@@ -329,7 +340,10 @@ class Search:
         return float(self._distances(postures).sum())
 
     def length_fractions(self, postures: Vector) -> Vector:
-        """Fraction of a path's length at each of its postures (k, n), from 0 to 1, shape (k,)."""
+        """Fraction of a path's length at each of its postures (k, n), from 0 to 1, shape (k,).
+
+        The path must have a length greater than 0.
+        """
         lengths = np.append(0.0, np.cumsum(self._distances(postures)))
         return np.asarray(lengths / lengths[-1])
 
@@ -370,7 +384,10 @@ class Search:
         """Search with OMPL's RRT-Connect from a start (n,) to goals (m, n), and remove needless corners of the path.
 
         OMPL reports objects that are never freed. So all its objects end with this call, and
-        no error is raised here, whose traceback would keep them.
+        the error for a search without a path is raised by the caller: its traceback would keep them.
+
+        Raises:
+            SimrobError: OMPL is not installed. The message has the command that installs it.
         """
         with importing_extra("move_free", "plan"):
             from ompl import base, geometric, util
@@ -406,6 +423,7 @@ class Search:
                 branches=np.zeros((0, 2, len(start))),
                 corners=None,
             )
+        # Pairs of indices of vertices that a tree connects.
         edges = [(index, other) for index in range(len(vertices)) for other in tree.getEdges(index)]
         # Without edges the array is empty, and needs its second dimension.
         branches = reached[np.array(edges, dtype=int).reshape(-1, 2)]
@@ -464,7 +482,8 @@ class Search:
             goals: the goals, shape (m, n).
         """
         differences = np.array([self.space.posture, *reached])[:, np.newaxis] - goals
-        # [m], from each posture to each goal
+        # Distance from each posture to each goal, shape (k + 1, m) [m]. The first posture is the start, for a search
+        # that reached nothing.
         gaps = np.linalg.norm(differences * self.scale, axis=2)
         row, goal = np.unravel_index(int(gaps.argmin()), gaps.shape)
         nearest = message(

@@ -1,7 +1,9 @@
 """Kinematics and statics of the robots of a station: of arms, and of robots with legs. Nothing moves.
 
 Forward kinematics (`pose`) computes where a tool is, inverse kinematics (`joint`) the postures that bring a tool to a
-pose. A *place* is a position without an orientation. A robot's *reference* is where its axes should be.
+pose. A *place* is a position without an orientation. A robot's *reference* is where its axes should be. A *chain* is
+the axes between a base and a tool, for their kinematics. A *work object* (`wobj`) is the frame of poses and places:
+None is the world.
 """
 
 from collections.abc import Mapping
@@ -35,7 +37,11 @@ class CellRobot:
     """
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Set an attribute, but refuse to replace a method: users of SimRob write `robot.tool = ...` by mistake."""
+        """Set an attribute, but refuse to replace a method: users of SimRob write `robot.tool = ...` by mistake.
+
+        Raises:
+            AttributeError: the class has a method of this name.
+        """
         # The assignment would hide the method without any message, and no tool would change.
         if callable(getattr(type(self), name, None)):
             raise AttributeError(
@@ -98,16 +104,16 @@ class CellRobot:
 
         Args:
             chain: the chain.
-            base: pose of the frame of the chain's base in the frame in which the poses are.
+            base: pose of the chain's base in the frame in which the poses are returned.
             q: postures (n,) or (k, n) [rad or m]. If it is None, where the robot is.
 
         Returns:
-            [x y z Rz Ry Rx], shape (6,), or (k, 6) for several postures.
+            [x y z Rz Ry Rx] [m, rad], shape (6,), or (k, 6) for several postures.
         """
         # A single posture gives a single pose, not an array of one.
-        rows = self.position if q is None else q
-        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(rows))
-        return poses if np.ndim(rows) > 1 else np.asarray(poses[0])
+        postures = self.position if q is None else q
+        poses = poses_from_matrices(base.GetAsMatrix4() @ chain.forward(postures))
+        return poses if np.ndim(postures) > 1 else np.asarray(poses[0])
 
     @property
     def reference(self) -> Vector:
@@ -136,7 +142,13 @@ class ArmGeometry(CellRobot):
         return as_transform(self.chain.forward(self.position)[0])
 
     def frame(self, wobj: WorkObject = None) -> RigidTransform:
-        """Pose of a work object in the world; see :class:`Arm`. The arm's own name means the tool at its reference."""
+        """Pose of a work object in the world.
+
+        Args:
+            wobj: None for the world; the name of a piece, one of its frames as ``piece.frame``, the name of a robot or
+                an arm (its tool centre point now); or a pose in any form. This arm, or its own name, means its tool at
+                its reference.
+        """
         # A move begins at the reference: targets in the tool's own frame are measured from there, not from where
         # servos sag.
         if wobj is self or (isinstance(wobj, str) and wobj == self.name):
@@ -148,10 +160,10 @@ class ArmGeometry(CellRobot):
 
         Args:
             q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
-            wobj: the work object in whose frame the pose is returned.
+            wobj: the work object in whose frame the pose is returned. If it is None, the world.
 
         Returns:
-            [x y z Rz Ry Rx], shape (6,), or (k, 6) for several postures.
+            [x y z Rz Ry Rx] [m, rad], shape (6,), or (k, 6) for several postures.
         """
         return self._poses(self.chain, self.frame(wobj).inverse(), q)
 
@@ -167,7 +179,7 @@ class ArmGeometry(CellRobot):
 
         Args:
             pose: one or several poses, or places, which keep the orientation that the tool has.
-            wobj: the work object in whose frame they are.
+            wobj: the work object in whose frame they are. If it is None, the world.
             solver: the solver. If it is None, that of the arm.
             start: posture (n,) near which the first solution is searched; each next one near the one before. If it is
                 None, where the arm is.
@@ -177,10 +189,11 @@ class ArmGeometry(CellRobot):
 
         Raises:
             Unreachable: no posture reaches a pose. The message names it, why, and how near the best posture comes.
+            InvalidParameter: a value is no pose, or it is in other units than m and rad.
         """
         chain = self.chain
         begin = self.position if start is None else start
-        # A place keeps the orientation of the tool as it is now.
+        # A place keeps the orientation of the tool as it is now: a rotation matrix (3, 3).
         orientation = chain.forward(self.position)[0, :3, :3]
         targets = world_poses(pose, self.frame(wobj), orientation, "pose")
         chosen = solver_for(chain, self.solver if solver is None else solver)
@@ -199,7 +212,7 @@ class ArmGeometry(CellRobot):
 
         Args:
             pose: a pose, or a place, which keeps the orientation that the tool has.
-            wobj: the work object in whose frame it is.
+            wobj: the work object in whose frame it is. If it is None, the world.
             held: for an arm with more than six axes, the axes that do not move, by name, at one position [rad or m] or
                 at each of several; see :func:`~simrob_drake.kinematics.branches`.
             start: posture (n,) near which whole turns are chosen. If it is None, where the arm is.
@@ -225,11 +238,12 @@ class ArmGeometry(CellRobot):
         # A passive axis has no motor to overload: an infinite limit makes its load 0.
         limit = np.where(gains.passive, np.inf, gains.limit_at_rest)
         model = self.cell.collision_model
-        # Made once: it finds which pairs of shapes count, which takes several postures.
+        # Function that gives the smallest distance of the arm to its surroundings in a posture. Making it takes several
+        # postures, so it is made once.
         gap = gaps(model, self.name, chain)
 
         def branch_at(q: Vector) -> Branch:
-            """Describe a posture (n,) that reaches the pose."""
+            """Describe a posture (n,) [rad or m] that reaches the pose."""
             overlap = collision(model, self.name, self.reference, q)
             return Branch.of(chain, q, self.inverse_dynamics(q), limit, overlap, gap(q))
 
@@ -238,18 +252,18 @@ class ArmGeometry(CellRobot):
     def jacobian(self, q: npt.ArrayLike | None = None) -> Vector:
         """Compute the Jacobian J of the tool: its velocity is J times the velocities of the axes.
 
-        The rows are the velocity of the tool centre point along x, y, z of the world, then the angular velocity about
-        them.
+        The rows are the velocity of the tool centre point along x, y, z of the world [m/s], then the angular velocity
+        about them [rad/s].
 
         Args:
             q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
 
         Returns:
-            Shape (6, n), or (k, 6, n) for several postures.
+            The Jacobian, shape (6, n), or (k, 6, n) for several postures.
         """
-        rows = self.position if q is None else q
-        jacobians = self.chain.jacobian(rows)
-        return jacobians if np.ndim(rows) > 1 else np.asarray(jacobians[0])
+        postures = self.position if q is None else q
+        jacobians = self.chain.jacobian(postures)
+        return jacobians if np.ndim(postures) > 1 else np.asarray(jacobians[0])
 
     @property
     def dynamics(self) -> Dynamics:
@@ -260,6 +274,8 @@ class ArmGeometry(CellRobot):
         self, q: npt.ArrayLike | None = None, v: npt.ArrayLike = 0.0, a: npt.ArrayLike = 0.0
     ) -> Vector:
         """Compute the torques of a motion, with what the arm carries and other robots at rest (SimRob's IDin).
+
+        By default the arm is held still: the torques balance gravity.
 
         Args:
             q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
@@ -275,7 +291,8 @@ class ArmGeometry(CellRobot):
 # Largest motion of a foot that stays where it is. Soles that sink into the ground are a little tilted.
 _FOOT_MOVES = 1e-4  # [m]
 _FOOT_TURNS = 1e-3  # [rad]
-# A leg with at most so many axes ends in a ball, which may turn on the ground.
+# A leg with at most so many axes cannot keep the orientation of its foot: it ends in a ball, which may turn on the
+# ground.
 _AXES_OF_BALL_LEG = 3
 
 # Weights of x, y, z and of the rotations about them in the inverse kinematics.
@@ -337,7 +354,7 @@ class LeggedGeometry(CellRobot):
             frame: ``world`` (with the trunk where it is now), ``trunk``, or another tool.
 
         Returns:
-            [x y z Rz Ry Rx], shape (6,), or (k, 6) for several postures.
+            [x y z Rz Ry Rx] [m, rad], shape (6,), or (k, 6) for several postures.
 
         Raises:
             UnknownName: there is no such tool or frame.
@@ -362,8 +379,9 @@ class LeggedGeometry(CellRobot):
                 axes reach few whole poses.
             frame: ``trunk``, ``world`` (with the trunk where it is now), or another tool, such as a foot that stands:
                 then all axes from there to the tool may move.
-            solver: the solver for whole poses.
-            start: posture (n,) near which the first solution is searched. If it is None, the robot's reference.
+            solver: the solver for whole poses. Places have a solver of their own.
+            start: posture (n,) near which the first solution is searched; the other axes stay there. If it is None, the
+                robot's reference.
 
         Returns:
             Postures, shape (n,), or (k, n) for several poses [rad].
@@ -374,6 +392,7 @@ class LeggedGeometry(CellRobot):
         """
         chain = self.chain(tool, _base_of(frame))
         begin = self.reference if start is None else one_posture(start, len(self.axes), "start")
+        # Any orientation will do for places: their solver ignores it.
         no_rotation = RotationMatrix().matrix()
         targets = world_poses(pose, self._base_pose_in(frame).inverse(), no_rotation, "pose")
         chosen = (
@@ -396,9 +415,11 @@ class LeggedGeometry(CellRobot):
     ) -> Vector:
         """Find the posture (n,) [rad] in which the trunk has another pose while the feet stay where they are.
 
+        Nothing moves. The legs are solved first, then the other tools one after the other.
+
         Args:
             trunk: pose of the root link in the world.
-            reach: poses, or places [x y z], in the world of other tools, by their names.
+            reach: poses, or places [x y z], in the world of other tools, by their names. If it is None, there are none.
             start: posture (n,) near which the solution is searched. If it is None, the robot's reference.
 
         Raises:
@@ -418,6 +439,7 @@ class LeggedGeometry(CellRobot):
         to_trunk = as_transform(trunk).inverse()
         posture = self.reference if start is None else one_posture(start, len(self.axes), "start")
         for foot in feet:
+            # The present pose of the foot, from the present trunk to the world, and from there to the new trunk.
             foot_in_trunk = as_transform(self.pose(foot, frame="trunk"))
             target = to_trunk @ self.base_pose @ foot_in_trunk
             chain = self.chain(foot)
@@ -446,7 +468,10 @@ class LeggedGeometry(CellRobot):
 
     @property
     def soles(self) -> Vector:
-        """Points of the feet that may touch the ground, in the world, shape (m, 3) [m]. Without feet, m is 0."""
+        """Points of the feet that may touch the ground: where they are in the world now, shape (m, 3) [m].
+
+        Without feet, m is 0.
+        """
         robot = self.cell.robot(self.name)
         model = self.cell.model
         if robot.feet is None:
@@ -477,11 +502,14 @@ class LeggedGeometry(CellRobot):
         return targets
 
     def _base_pose_in(self, frame: str) -> RigidTransform:
-        """Pose of the base of a chain in a frame, see :func:`_base_of`: the chain of ``world`` begins at the trunk."""
+        """Pose of the chain's base in the frame of the poses: of the trunk in ``world``, else the identity.
+
+        Other frames are themselves the base, see :func:`_base_of`.
+        """
         return self.base_pose if frame == "world" else RigidTransform()
 
     def _tool(self, tool: str) -> str:
-        """Check the name of a tool.
+        """Check the name of a tool, and return it.
 
         Raises:
             UnknownName: the robot has no such tool.
@@ -498,5 +526,5 @@ class LeggedGeometry(CellRobot):
 
 
 def _base_of(frame: str) -> str:
-    """Base of the chain for poses in a frame. The world is no base of a robot with legs: its trunk is."""
+    """Name of the base of the chain for poses in a frame. In ``world`` it is the trunk, in other frames the frame."""
     return "trunk" if frame == "world" else frame

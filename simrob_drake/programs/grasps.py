@@ -1,6 +1,8 @@
 """Taking and releasing pieces: how far a tool may be from a piece that it takes, and which pieces can fall.
 
 A piece that is taken gets a new parent, on which it is fixed, see :func:`~simrob_drake.programs.model.reparent_piece`.
+The *carrier* of a piece is the robot on which it is fixed, perhaps by way of other pieces. The *tool in use* of a robot
+is the frame to which its moves refer: a tool of its own, or a piece that it carries.
 """
 
 from collections.abc import Iterator, Mapping
@@ -48,10 +50,11 @@ def take_piece(
         model: the station as it is now.
         piece: name of the piece, which stays where it is.
         parent: ``world``, a robot or another piece.
-        frame: frame of the parent instead of the default one.
+        frame: frame of the parent piece instead of its tool centre point, or tool or link of the robot instead of its
+            first tool.
 
     Raises:
-        InvalidParameter: a robot takes the piece from a larger distance than :data:`REACH`.
+        InvalidParameter: a robot takes the piece, perhaps by another piece, from a larger distance than :data:`REACH`.
         SimrobError: see :func:`reparent_piece`.
     """
     changed = reparent_piece(model, piece, parent, frame=frame)
@@ -60,15 +63,16 @@ def take_piece(
     carrier = model.resolved.pieces[parent].carrier if is_piece else parent
     if carrier not in model.robots:
         return changed
-    # The distance is measured from the frame on which the piece is fixed, ...
+    # Boxes of the robot, or of the parent piece, of which the nearest to the piece decides. First the frame on which
+    # the piece is fixed, ...
     mount = model.mount(parent, frame)
     holders = [_point_box(model.pose(mount))]
-    # ... from the tool centre point if the tool in use takes the piece, ...
+    # ... then the tool centre point if the tool in use takes the piece, ...
     robot = model.robots[carrier]
     is_tool_in_use = frame is None and parent in (carrier, model.tool_in_use(carrier))
     if is_tool_in_use and robot.tcp:
         holders.append(_point_box(model.pose(robot.tools[robot.tcp])))
-    # ... and from the shapes of a link that is no tool.
+    # ... and the shapes of a link that is no tool, such as a trunk for a backpack.
     if parent in model.robots and frame in model.links(parent):
         holders += _boxes_on(model, mount)
     # Any point of the piece may be taken: its shapes count, and so do its origin and its tool centre point.
@@ -109,10 +113,11 @@ def release_piece(
         piece: name of the piece.
         parent: ``world``, or another piece.
         frame: frame of the parent piece instead of its tool centre point.
-        fixed: whether the piece is fixed in the world, too.
+        fixed: whether the piece stays where it is in the world of a dynamic station, too, instead of falling.
 
     Raises:
-        InvalidParameter: no robot or piece holds the piece; or it would fall forever, or cannot fall without a mass.
+        InvalidParameter: no robot or piece holds the piece; or it would fall forever, or cannot fall without mass and
+            inertia.
         SimrobError: see :func:`reparent_piece`.
     """
     if piece in model.config.pieces and model.resolved.pieces[piece].parent == WORLD:
@@ -134,7 +139,7 @@ def release_piece(
         raise Unsuitable(piece, missing, remedy)
     free = changed.pieces[piece].model_copy(update={"free": True})
     changed = changed.model_copy(update={"pieces": {**changed.pieces, piece: free}})
-    # It comes to rest if there is ground, at any depth, below a part of it.
+    # It comes to rest if there is ground, at any depth, below the middle of one of its boxes.
     middles = np.array([box.pose.translation() for box in _boxes_of(model, piece)])
     ground = resolve(changed).ground
     if not any(ground.carries(middle[np.newaxis], np.inf) for middle in middles):
@@ -147,7 +152,15 @@ def release_piece(
 
 
 def _missing_to_fall(model: StationModel, config: StationConfig, piece: str) -> str:
-    """Explain why a piece cannot fall and come to rest. The explanation is empty if nothing is missing."""
+    """Explain why a piece cannot fall and come to rest: no contact, no shape that collides, or no mass.
+
+    The explanation is empty if nothing is missing. Whether there is ground below is not checked here.
+
+    Args:
+        model: the station before, for the properties of the piece.
+        config: the station in which the piece shall fall.
+        piece: name of the piece.
+    """
     piece_model = model.resolved.pieces[piece].model
     if config.contact is None:
         return message(
@@ -158,6 +171,7 @@ def _missing_to_fall(model: StationModel, config: StationConfig, piece: str) -> 
         return message(
             "programs.without_shape", "it would fall forever, because none of its shapes collides"
         )
+    # The first three entries are the moments of inertia, the others the products.
     has_inertia = piece_model.mass > 0 and min(piece_model.inertia[:3]) > 0
     if not has_inertia:
         return message("programs.without_inertia", "it cannot fall without mass and inertia")
@@ -170,7 +184,7 @@ def _point_box(pose: RigidTransform) -> _Box:
 
 
 def _boxes_of(model: StationModel, piece: str) -> Iterator[_Box]:
-    """Yield boxes around the shapes of a piece, and its origin and its tool centre point."""
+    """Yield boxes around the visible shapes of a piece, and tiny ones at its origin and its tool centre point."""
     yield _point_box(model.pose(model.piece_origin(piece)))
     yield _point_box(model.pose(model.piece_frame(piece)))
     # Shapes are named by their piece and a number. Without the names, shapes of pieces on the same body would count.
@@ -181,7 +195,7 @@ def _boxes_of(model: StationModel, piece: str) -> Iterator[_Box]:
 
 
 def _boxes_on(model: StationModel, frame: Frame, names: set[str] | None = None) -> Iterator[_Box]:
-    """Yield boxes around the visible shapes of a body.
+    """Yield boxes around the visible shapes of a body. Shapes without a bounding box, such as planes, are left out.
 
     Args:
         model: the station.
@@ -198,10 +212,11 @@ def _boxes_on(model: StationModel, frame: Frame, names: set[str] | None = None) 
 
 
 def _distance(first: _Box, second: _Box) -> float:
-    """Compute the distance between two boxes [m].
+    """Compute the distance between two boxes [m]. It is 0, up to rounding, if they overlap.
 
-    The nearest two points p + R x and q + S y minimise :math:`|p + R x - q - S y|^2` for x and y within the boxes: a
-    linear least-squares problem with bounds. The solver returns half of the minimum as its cost.
+    A point of the first box is p + R x, with its middle p, its rotation R and coordinates x within half its sides; a
+    point of the second box is q + S y. The nearest two points minimise :math:`|p + R x - q - S y|^2`: a linear
+    least-squares problem with bounds. The solver returns half of the minimum as its cost.
     """
     from scipy.optimize import lsq_linear
 
@@ -220,11 +235,12 @@ def with_efforts(
     Args:
         config: the station.
         robot: the robot.
-        efforts: largest torque or force of the motors, by axis [N·m or N]. The other motors keep their limits.
+        efforts: largest torque or force of the motors, by the names of their axes [N·m or N]. The other motors keep
+            their limits.
     """
-    own = dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True))
+    own_limits = dict(zip(robot.axes, robot.gains.torque_limit.tolist(), strict=True))
     # Passive axes have no motor, and so no limit.
-    driven = {axis: limit for axis, limit in own.items() if limit > 0}
+    driven = {axis: limit for axis, limit in own_limits.items() if limit > 0}
     limits = {**driven, **efforts}
     servo = config.servo_of(robot.name).model_copy(update={"torque_limit": limits})
     entry = config.robots[robot.name].model_copy(update={"servo": servo})

@@ -2,6 +2,10 @@
 
 A run begins with a motion into the first posture of the gait and a rest in it, both as short as the robot's posture
 allows.
+
+The *bearing* of a gait is how the robot holds itself in it: the height of its hips, and the positions of axes in no
+leg. A *solved* gait is one whose legs are computed by inverse kinematics. The *walker* is the robot's description for
+planners of gaits.
 """
 
 from collections.abc import Callable, Mapping
@@ -64,10 +68,16 @@ def planned_gait(
         steps: count of steps. It is None for gaits without steps.
         amplitude: factor of the step length.
         station: the station as it will be. If it is None, as it is.
-        bends: whether the hips may be lower if the legs are too short. They may always under a load or on a slope.
+        bends: whether the hips may be lower if the legs are too short. They may always under a load or on a slope, and
+            never if `changes` sets a bearing.
+
+    Returns:
+        The motion, checked for the limits of the axes. How the robot gets into its first posture is no part of it.
 
     Raises:
-        SimrobError: see :meth:`simrob_drake.LeggedRobot.walk`.
+        UnknownName: there is no such gait, or it has no such parameter.
+        InvalidParameter: the gait needs other feet or another station.
+        SimrobError: the legs cannot do the steps, or a parameter has an invalid value.
     """
     model = robot.model
     has_steps = steps is not None
@@ -80,6 +90,7 @@ def planned_gait(
             what = message("programs.gait_of", "gait of {model}", model=model.name)
         raise UnknownName(what, name, gaits)
     gait = gaits[name]
+    # The fields of a gait's class are its parameters.
     for key in changes:
         if key not in type(gait).model_fields:
             raise UnknownName(
@@ -94,6 +105,7 @@ def planned_gait(
     sets_bearing = "bearing" in changes
     if isinstance(gait, SolvedGait) and not sets_bearing:
         gait = _with_arms(gait, model, taught_arms(robot, gait.feet))
+    # Kind of feet for which the gait is made, and the key of the station that chooses the robot's feet.
     made = changes.get("feet") or gait.made_for(model)
     feet_key = f"{situation.config.robot_key(robot.name)}.feet"
     if gait.on_feet and not carries(model, worn, made):
@@ -112,7 +124,7 @@ def planned_gait(
         gait.check_feet(model, worn, feet_key)
 
     def plan(**others: Any) -> JointMotion:
-        """Plan the gait with further changes of its parameters."""
+        """Plan the gait with further changes of its parameters, which come before those of the user."""
         return gait.with_changes({**changes, **others}, amplitude, name).plan(
             walker, steps or 0, amplitude
         )
@@ -133,7 +145,16 @@ def planned_gait(
 
 
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
-    """Run a planned gait from where a robot stands. A floor that had to become larger stays so."""
+    """Run a planned gait from where a robot stands, and return the result. A floor that had to become larger stays so.
+
+    A motion into the first posture comes before it. During the run the station has the gains and the steps of the
+    solver that the gait needs.
+
+    Args:
+        robot: the robot.
+        motion: the planned gait.
+    """
+    # The larger coordinate decides how far the robot is from the edge of the floor, a square around the origin [m].
     start = float(np.abs(robot.base_pose.translation()[:2]).max())
     station = motion.adapt_station(robot.cell.config, robot.name, start=start)
     path = _path_from_here(robot, motion)
@@ -166,7 +187,13 @@ def taught_arms(robot: LeggedGeometry, feet: str | None = None) -> dict[str, flo
 
 
 def _with_arms(gait: SolvedGait, model: RobotModel, arms: dict[str, float]) -> SolvedGait:
-    """Make a copy of a gait with other positions of arms, by axis name [deg]. Without any, it is the gait itself."""
+    """Make a copy of a gait with other positions of arms in its bearing. Without any, it is the gait itself.
+
+    Args:
+        gait: the gait.
+        model: the robot.
+        arms: position of each such axis by name [deg].
+    """
     if not arms:
         return gait
     degrees = model.axis_vector(gait.bearing.posture_deg, "posture_deg").tolist()
@@ -176,7 +203,7 @@ def _with_arms(gait: SolvedGait, model: RobotModel, arms: dict[str, float]) -> S
 
 
 def _plan_within_reach(plan: Callable[..., JointMotion], gait: SolvedGait) -> JointMotion:
-    """Plan a gait with hips that are only as much lower as the legs need.
+    """Plan a gait with hips that are only as much lower as the legs need, at most by a tenth of their height.
 
     Args:
         plan: function that plans the gait. Its keyword arguments replace parameters.
@@ -203,26 +230,30 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
         robot: the robot, at its current pose.
         station: the station as it will be.
     """
-    own = station.robots[robot.name]
+    resolved_robot = station.robots[robot.name]
     gaits = gaits_file(robot.model)
-    skeleton = skeleton_of(own.model, urdf_with_pieces(station, own) if own.carried else None)
-    # On a slope the floor is rotated against the world. In the floor's frame, the robot looks in direction `heading`;
-    # planners need gravity in a frame that is turned about the floor's normal so that the robot looks along x.
+    skeleton = skeleton_of(
+        resolved_robot.model,
+        urdf_with_pieces(station, resolved_robot) if resolved_robot.carried else None,
+    )
+    # On a slope the floor is rotated against the world. In the floor's frame, the robot looks in direction `heading`
+    # [rad]; planners need gravity in a frame that is turned about the floor's normal so that the robot looks along x.
     floor_from_world = station.ground.floor_pose.rotation().inverse()
     trunk = (floor_from_world @ robot.base_pose.rotation()).matrix()
     heading = np.arctan2(trunk[1, 0], trunk[0, 0]) + np.deg2rad(gaits.facing_deg)
     plan_from_world = RotationMatrix.MakeZRotation(-heading) @ floor_from_world
+    # The third column is the world's upward direction in this frame; gravity [m/s²] points the other way.
     gravity = plan_from_world.matrix()[:, 2] * -station.config.gravity
     return Walker(
         skeleton,
         gaits,
         gravity,
-        is_loaded_or_inclined=bool(own.carried or station.ground.incline),
+        is_loaded_or_inclined=bool(resolved_robot.carried or station.ground.incline),
     )
 
 
 def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, name: str) -> None:
-    """Check that a robot stands on the ground, or is held by its trunk, as a gait needs it.
+    """Check that a robot stands on the ground, or is held by its trunk, as a gait needs it. Some gaits need neither.
 
     Args:
         robot: the robot.
@@ -275,7 +306,8 @@ class _JointPath(NamedTuple):
 def _path_from_here(robot: LeggedGeometry, motion: JointMotion) -> _JointPath:
     """Put a motion into the first posture, and a rest in it, before a planned motion.
 
-    Both take less time the nearer the robot is to that posture, and none if the robot is at rest in it.
+    The motion takes less time the nearer the robot's reference is to that posture. So does the rest, if the robot is at
+    rest now; otherwise it has its full length. Both take no time if the robot is at rest in the posture.
 
     Args:
         robot: the robot.
@@ -286,7 +318,7 @@ def _path_from_here(robot: LeggedGeometry, motion: JointMotion) -> _JointPath:
     distance = float(np.abs(first - start).max())
     # Rest to rest, the acceleration is proportional to distance / time²: it stays the same for time ~ sqrt(distance).
     share = float(np.sqrt(min(distance / _FAR, 1.0))) if distance > _SAME else 0.0
-    largest_error = np.abs(robot.position - start).max()
+    largest_error = np.abs(robot.position - start).max()  # of the servos [rad]
     is_at_rest = max(np.abs(robot.velocity).max(), largest_error) <= _AT_REST
     rest_share = share if is_at_rest else 1.0
     ready_samples = int(np.ceil(share * _READY_TIME / _SAMPLE))
@@ -296,7 +328,8 @@ def _path_from_here(robot: LeggedGeometry, motion: JointMotion) -> _JointPath:
         return _JointPath(motion.times, motion.positions, motion.velocities)
     ready_time = ready_samples * _SAMPLE
     times: Vector = np.linspace(0.0, ready_time, ready_samples + 1)
-    # Without a way there is a single sample, in the first posture. The rest needs no samples of its own.
+    # If the robot is in the first posture, there is a single sample, at the time 0. The rest needs no samples of its
+    # own: between the last sample of this motion and the first one of the gait, both in the posture, the robot stays.
     positions = first[np.newaxis]
     velocities = np.zeros((1, len(first)))
     if ready_samples:

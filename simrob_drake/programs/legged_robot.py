@@ -2,6 +2,10 @@
 
 Each method that moves the robot runs the station and returns the result. A robot can store moves in its *program*, run
 it again from the start, and undo what was done last.
+
+A *stage* is a part of a program that is one run, such as a walk, or an action that takes no time, such as attaching a
+piece. In an *automatic* program a controller, the sequencer, leads the robot to references, also called *cells*. (The
+attribute `cell` is something else: the station with its state, a workcell.)
 """
 
 from collections.abc import Mapping, Sequence
@@ -86,6 +90,7 @@ class LeggedRobot(LeggedGeometry):
         Raises:
             UnknownName: there is no such station or robot.
             InvalidParameter: the station has no robot, or it has several and none is named.
+            Unsuitable: there are overrides for a workcell.
         """
         super().__init__(workcell_of(station, overrides), robot)
         self.program = Program()
@@ -160,6 +165,9 @@ class LeggedRobot(LeggedGeometry):
 
         Raises:
             SimrobError: see :meth:`walk`; or the time is not positive.
+
+        Returns:
+            The result of the run.
         """
         moves = step_moves(self.model, self.worn_feet, move_time)
         return self._perform_moves(moves, store=True)[-1]
@@ -280,7 +288,10 @@ class LeggedRobot(LeggedGeometry):
     def release(
         self, piece: str, parent: str = WORLD, *, fixed: bool = False, store: bool = False
     ) -> None:
-        """Release a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors."""
+        """Release a piece, in the world or on another piece; see :meth:`Workcell.release`, also for the errors.
+
+        ``store`` says whether the move is stored at the end of the program.
+        """
         self.do(make_move(ReleaseMove, piece=piece, parent=parent, fixed=fixed), store=store)
 
     def run(self, program: Program | Path | str) -> SimulationResult:
@@ -311,6 +322,9 @@ class LeggedRobot(LeggedGeometry):
         """Make the reference for a program of moves of joints from where the robot is. Nothing moves.
 
         ``cell.follow({robot.name: reference, ...}, duration)`` runs the references of several robots at the same time.
+
+        Args:
+            program: the program.
 
         Returns:
             The reference, and its duration [s].
@@ -355,22 +369,33 @@ class LeggedRobot(LeggedGeometry):
     def add_reference(self, target_deg: Mapping[str, float], duration: float = MOVE_TIME) -> None:
         """Store targets as a cell for :meth:`simulate` with ``automatic`` (AddRef). Nothing moves.
 
-        A cell lasts until its targets are reached; ``duration`` is that of the way there. For arguments and errors see
-        :meth:`test_move`.
+        A cell lasts until its targets are reached. For the errors see :meth:`test_move`.
+
+        Args:
+            target_deg: target of each axis by name or alias [deg]. Axes that are left out stay.
+            duration: duration of the way to the targets [s].
         """
-        cell = move_of(target_deg, duration)
+        move = move_of(target_deg, duration)
+        # Called for its errors: the targets are converted again when the cells run.
         targets_on(
             self.model,
-            cell.target_deg,
+            move.target_deg,
             message("programs.the_reference", "the reference"),
-            cell.duration,
+            move.duration,
         )
         # Only a valid cell becomes a step for `undo`.
         self._remember()
-        self.program = self.program.with_reference(cell)
+        self.program = self.program.with_reference(move)
 
     def remove(self, index: int = -1) -> None:
-        """Remove a stored move from the program, by default the last one. The robot stays where it is."""
+        """Remove a stored move from the program, by default the last one. The robot stays where it is.
+
+        Args:
+            index: index of the move, from 0. Negative indices count from the end.
+
+        Raises:
+            InvalidParameter: the index is out of range.
+        """
         program = self.program.without_move(index)
         self._remember()
         self.program = program
@@ -471,17 +496,24 @@ class LeggedRobot(LeggedGeometry):
         self.program = kept
 
     def _run(self, move: Move, store: bool = False) -> SimulationResult:
-        """Perform a move that takes time, and return the result of its run."""
+        """Perform a move that takes time, and return the result of its run; see :meth:`_perform_moves`."""
         return self._perform_moves([move], store=store)[-1]
 
     def _perform_moves(
         self, moves: Sequence[Move], *, store: bool = False
     ) -> list[SimulationResult]:
-        """Perform moves from the last state, and return the results of the runs.
+        """Check moves, perform them from the last state, and return the results of the runs.
 
         Args:
             moves: the moves.
-            store: whether they are stored at the end of the program.
+            store: whether they are stored at the end of the program afterwards. They are not if the last run diverges,
+                is interrupted or ends in a fall.
+
+        Returns:
+            The results. There are fewer than moves if moves of joints follow each other, or if a move takes no time.
+
+        Raises:
+            SimrobError: a move cannot be done.
         """
         stages = stages_of(self, moves, self.cell.config)
         return self._perform(stages, store=moves if truth(store, "store") else ())
@@ -495,7 +527,9 @@ class LeggedRobot(LeggedGeometry):
     ) -> list[SimulationResult]:
         """Run stages one after the other, and return the results of the runs.
 
-        If a stage raises an error, or a run diverges or ends in a fall, robot and program are restored.
+        If a stage raises an error, robot and program are restored. They are, too, if the last run diverged, was
+        interrupted or ended in a fall; its results are still returned. Otherwise the state before can be restored by
+        `undo`. The runs and the times of their moves are kept in :attr:`runs` and :attr:`move_spans`.
 
         Args:
             stages: the stages.
@@ -518,6 +552,7 @@ class LeggedRobot(LeggedGeometry):
                 now = end
                 if result is not None:
                     runs.append(result)
+                    # A monitor or the user has ended the run: later stages would begin elsewhere.
                     if result.ending != "completed":
                         break
         # Ctrl+C counts, too: a robot must not stay half-way through a program.
@@ -538,13 +573,17 @@ class LeggedRobot(LeggedGeometry):
         return runs
 
     def _back_to_start(self) -> None:
-        """Return the station to its start."""
+        """Return the station to its start: configuration, state, and time of its timeline."""
         self.cell.change(self._start)
         self.cell.state = State.at_start_of(self._start)
         self.cell.timeline.now = 0.0
 
     def _replace(self, program: Program, file: str = "") -> None:
-        """Replace the stored program, after a check from the start of the station.
+        """Replace the stored program, after a check from the start of the station. `undo` restores the present one.
+
+        Args:
+            program: the new program.
+            file: its file, for messages; empty if there is none.
 
         Raises:
             SimrobError: the robot cannot perform the program. The message names the move, and the file if there is one.

@@ -116,13 +116,14 @@ class StationModel(PosedStation):
         """Place the robots that stand on their own feet as in a state.
 
         Args:
-            state: the state. If it is None, the robots are where they begin.
+            state: the state. If it is None, or has no such robot, the robots are where they begin.
         """
         self._moved = {}
         for name, robot in self.robots.items():
             joint = self._base_joint(robot)
             if state is not None and self.floats(name) and joint in state.joints:
-                # A free joint has the quaternion (w, x, y, z) before the position.
+                # A free joint has the quaternion (w, x, y, z) before the position (x, y, z). The roll by 3 puts the
+                # position first.
                 now = transform_from_xyz_quaternion(np.roll(state.joints[joint].position, 3))
                 self._moved[robot.instance] = now @ robot.base.inverse()
 
@@ -139,6 +140,7 @@ class StationModel(PosedStation):
             else:
                 begin = body.floating_positions_start()
                 position = self.initial[begin : begin + 7]
+            # From the order of the plant, quaternion and position, to position and quaternion.
             pose = transform_from_xyz_quaternion(np.roll(position, 3))
             self.plant.SetFreeBodyPose(self.context, body, pose)
 
@@ -150,8 +152,9 @@ class StationModel(PosedStation):
     ) -> None:
         """Place the pieces as in a state, and the robots at their references.
 
-        From now on, pieces that fingers hold in the state move with the robot in :meth:`place_robots`. The fingers
-        themselves stay as far from their references as they are now, because the piece is between them.
+        From now on, pieces that fingers hold in the state move with the robot in :meth:`place_robots`. All fingers are
+        placed as far from the positions given there as they are from their references now, because a piece may be
+        between them.
 
         Args:
             state: the state. If it is None, the pieces are where they begin.
@@ -171,7 +174,10 @@ class StationModel(PosedStation):
         self.place_robots({name: reference(name) for name in self.robots})
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
-        """Place robots in postures (n,) [rad or m] by name, with what their fingers hold. The others stay."""
+        """Place robots in postures (n,) [rad or m] by name, with what their fingers hold. The others stay.
+
+        After :meth:`place_state`, fingers keep their distance from the given positions that they had there.
+        """
         super().place_robots(
             {name: posture + self._offsets.get(name, 0.0) for name, posture in postures.items()}
         )
@@ -185,14 +191,16 @@ class StationModel(PosedStation):
             self.place(self.plant.GetPositions(self.context))
 
     def frozen_station(self) -> StationConfig:
-        """Make a dynamic station in which nothing but the robots can move.
+        """Make a dynamic station in which nothing but the robots can move, for the optimisation of paths.
 
-        Free pieces are fixed on what holds them, or in the world where they are now. A floor without terrain becomes a
-        box.
+        Free pieces are fixed on the link whose finger holds them, or in the world where they are now. A floor without
+        terrain becomes a box, because distances are computed between bodies. References that the station prescribes
+        and couplings of axes are left out.
         """
         pieces = dict(self.config.pieces)
         for name, body in self.station.free_pieces.items():
             hold = self._holds.get(name)
+            # Parent of the fixed piece, and its pose in the frame of this parent.
             mount: dict[str, Any] = {"parent": WORLD}
             place = self.pose(body.body_frame())
             if hold is not None:
@@ -237,7 +245,7 @@ class StationModel(PosedStation):
         """Context in which robots hold what their fingers touch from two sides at positions (nq,) of the plant.
 
         In the context, :attr:`holders` has these pieces wherever the plant is placed, and so the collision policy lets
-        the fingers touch them.
+        the fingers touch them. At the begin the plant is placed at the positions, and it is not placed back at the end.
         """
         holds_before = self._holds
         self.place(positions)
@@ -253,11 +261,14 @@ class StationModel(PosedStation):
 
     def _robots_of(self, holds: Mapping[str, _Hold]) -> dict[str, str]:
         """Name of the robot whose link holds each piece, by piece."""
-        robots = {own.instance: name for name, own in self.robots.items()}
+        robots = {station_robot.instance: name for name, station_robot in self.robots.items()}
         return {piece: robots[hold.link.model_instance()] for piece, hold in holds.items()}
 
     def _find_holds(self) -> dict[str, _Hold]:
-        """Find the free pieces that robots hold now, by name: at least two links of a robot with fingers touch them."""
+        """Find the free pieces that robots hold now, by name: at least two links of a robot with fingers touch them.
+
+        The plant needs collision shapes, unless no robot has fingers.
+        """
         if not any(robot.model.fingers for robot in self.robots.values()):
             return {}
         # By piece and robot: the body of each link that touches the piece, by the link's name.
@@ -300,23 +311,29 @@ class StationModel(PosedStation):
         linear = np.zeros(3)
         # A piece on the world, or on another piece that no robot carries, is at rest.
         if carrier in self.robots:
-            own = self.robots[carrier]
-            # The velocity by the axes, with the base at rest. The plant is left without velocities.
+            carrier_robot = self.robots[carrier]
+            # First the velocity that the axes cause, with the base at rest. The plant's velocities are then set to 0
+            # again.
             plant.SetVelocities(
-                self.context, own.axis_map.spread_velocities(state.velocities[carrier])
+                self.context, carrier_robot.axis_map.spread_velocities(state.velocities[carrier])
             )
             velocity = frame.CalcSpatialVelocityInWorld(self.context)
             plant.SetVelocities(self.context, np.zeros(plant.num_velocities()))
-            turned = self._moved.get(own.instance, RigidTransform()).rotation()
+            # The plant has the robot's base where it began: the velocities are turned as the base has turned since.
+            turned = self._moved.get(carrier_robot.instance, RigidTransform()).rotation()
             angular = turned @ velocity.rotational()
             linear = turned @ velocity.translational()
-            base = state.joints.get(self._base_joint(own)) if self.floats(carrier) else None
+            base = (
+                state.joints.get(self._base_joint(carrier_robot)) if self.floats(carrier) else None
+            )
             if base is not None:
-                # A moving base adds its own velocity: v + omega x r.
+                # A moving base adds its own velocity: v + omega x r. A free joint has the angular velocity before the
+                # linear one, and the quaternion (4 numbers) before the position.
                 base_angular = base.velocity[:3]
                 from_base = pose.translation() - base.position[4:]
                 angular = angular + base_angular
                 linear = linear + base.velocity[3:] + np.cross(base_angular, from_base)
+        # The roll puts the quaternion before the position.
         position = np.roll(xyz_quaternion_from_transform(pose), -3)
         return JointState(position, np.concatenate([angular, linear]))
 
@@ -330,22 +347,28 @@ class StationModel(PosedStation):
         return self.config.engine.moves_by_forces and self.robots[robot].model.base == "floating"
 
     def pose(self, frame: Frame) -> RigidTransform:
-        """Pose of a frame in the world."""
+        """Pose of a frame in the world, with robots on their own feet where :meth:`place_bases` has placed them."""
         pose = super().pose(frame)
-        # the robot is away from where the plant has its base
+        # The plant has the base of such a robot where it began: the pose is corrected by how far it has moved.
         moved = self._moved.get(frame.model_instance())
         return pose if moved is None else moved @ pose
 
     def chain(self, robot: str, tool: Frame, base: Frame | None = None) -> Chain:
-        """Chain of a robot's axes from a base, or from the world if it is None, to a tool."""
-        own = self.robots[robot]
+        """Chain of a robot's axes, for its kinematics, from a base to a tool.
+
+        Args:
+            robot: name of the robot.
+            tool: frame of the tool.
+            base: frame in which poses of the tool are computed. If it is None, the world.
+        """
+        station_robot = self.robots[robot]
         return Chain.of_plant(
             self.plant,
-            joints=own.joints,
+            joints=station_robot.joints,
             base=base or self.plant.world_frame(),
             tool=tool,
-            signs=own.axis_map.signs,
-            names=own.axes,
+            signs=station_robot.axis_map.signs,
+            names=station_robot.axes,
         )
 
     def tool_in_use(self, robot: str) -> str:
@@ -353,8 +376,10 @@ class StationModel(PosedStation):
 
         It is empty if the robot has none.
         """
-        own = self.robots[robot]
-        return tool_in_use(own.model.tools, own.held, self.config.robots[robot].tcp)
+        station_robot = self.robots[robot]
+        return tool_in_use(
+            station_robot.model.tools, station_robot.held, self.config.robots[robot].tcp
+        )
 
     def piece_frame(self, piece: str, frame: str = TCP) -> Frame:
         """Named frame of a piece, by default its tool centre point.
@@ -373,16 +398,17 @@ class StationModel(PosedStation):
 
     def links(self, robot: str) -> list[str]:
         """Links of a robot that are none of its tools. Pieces can be fixed on them, too."""
-        own = self.robots[robot].model
-        return [link for link in own.links if link not in own.tools]
+        robot_model = self.robots[robot].model
+        return [link for link in robot_model.links if link not in robot_model.tools]
 
     def mount(self, parent: str, frame: str | None = None) -> Frame:
-        """Frame on which pieces with a parent are fixed.
+        """Frame of a parent on which pieces are fixed.
 
         Args:
             parent: ``world``, a robot or a piece.
             frame: frame of a piece, or tool or link of a robot. If it is None, the tool centre point of a piece, or the
-                first tool of a robot.
+                first tool of a robot (its root if it has no tool, or if the first one is a foot). It has no effect for
+                the world.
 
         Raises:
             UnknownName: the parent has no such frame, tool or link.
@@ -391,26 +417,26 @@ class StationModel(PosedStation):
             return self.piece_frame(parent, TCP if frame is None else frame)
         if parent == WORLD:
             return self.plant.world_frame()
-        own = self.robots[parent]
+        parent_robot = self.robots[parent]
         if frame is not None:
             one_of(
                 message("programs.tool_or_link", "tool or link of {parent}", parent=parent),
                 frame,
-                [*own.model.tools, *own.model.links],
+                [*parent_robot.model.tools, *parent_robot.model.links],
             )
         return self.plant.GetFrameByName(
-            flange(own.model.tools, own.model.root, frame), own.instance
+            flange(parent_robot.model.tools, parent_robot.model.root, frame), parent_robot.instance
         )
 
     def dynamics(self, robot: str) -> Dynamics:
-        """Equation of motion of a robot with what it carries, while the other robots are at rest."""
-        own = self.robots[robot]
+        """Equation of motion of a robot with what it carries, while the other robots are at rest where they are now."""
+        station_robot = self.robots[robot]
         return Dynamics(
-            own.model,
+            station_robot.model,
             self.plant,
-            own.joints,
-            tool=own.tools.get(own.tcp),
-            torque_limit=own.gains.limit_at_rest,
+            station_robot.joints,
+            tool=station_robot.tools.get(station_robot.tcp),
+            torque_limit=station_robot.gains.limit_at_rest,
             positions=self.plant.GetPositions(self.context),
         )
 
@@ -450,7 +476,8 @@ def reparent_piece(
             "frame", message("programs.world_without_frames", "the world has no frames")
         )
     _check_no_loop(model, piece, parent)
-    # Without a pose the piece stays where it is: its pose in the new parent follows from both poses in the world.
+    # Pose of the piece in the frame of the parent. If none is given, the piece stays where it is: the pose follows from
+    # both poses in the world.
     mount = model.pose(model.mount(parent, frame))
     place = (
         mount.inverse() @ model.pose(model.piece_origin(piece))
@@ -510,6 +537,7 @@ def _update_tools(model: StationModel, new: StationConfig, piece: str) -> Statio
     """
     old_pieces = model.resolved.pieces
     carriers = carriers_of(new)
+    # Each of the two is the name of a robot, or `world`.
     giver = old_pieces[piece].carrier
     taker = carriers[piece]
     if giver == taker:

@@ -1,7 +1,8 @@
 """A move that is planned, and whether a robot can do it: joint limits, speeds, accelerations, collisions.
 
 A move leads to one target or past several. On the way to each target it has numbered points, by which error messages
-name a part of the move, such as "point 3 of 30 on the way to targets[1]".
+name a part of the move, such as "point 3 of 30 on the way to targets[1]". A *rate* is a speed or an acceleration of an
+axis.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -145,10 +146,10 @@ class Plan:
         )
 
     def point_at(self, time: float) -> PathPoint:
-        """Point that a time [s] of the move belongs to, on the way to its target."""
+        """Point that a time [s] of the move belongs to: the next point on the way to the target, with its name."""
         # The time of an arrival belongs to its target, not to the next one, in spite of rounding.
         index = min(int(np.searchsorted(self.arrivals, time - 1e-9)), len(self.arrivals) - 1)
-        departure = self.arrivals[index - 1] if index else 0.0
+        departure = self.arrivals[index - 1] if index else 0.0  # from the target before [s]
         fraction = (time - departure) / (self.arrivals[index] - departure)
         return named_point(fraction, self.points, target_name(index, len(self.arrivals)))
 
@@ -182,6 +183,7 @@ def check_limits(
     Raises:
         JointLimitExceeded: names the first point, the axis, its position and its limits.
     """
+    # The first posture beyond a limit, with texts for the message in degrees or metres.
     violation = chain.limits.find_violation(postures)
     if violation is None:
         return
@@ -234,7 +236,7 @@ def check_rates(
         limits: limits of the axes, shape (n,) [rad/s or m/s, rad/s² or m/s²].
         order: order of the derivative: 1 for speeds, 2 for accelerations.
         naming: gives the point that a time belongs to, for the message.
-        remedy: writes the advice for a slower move.
+        remedy: writes the advice for a slower move, from the factor on the duration and the new duration [s].
 
     Raises:
         SpeedLimitExceeded, AccelerationLimitExceeded: names the first point beyond a limit, and gives the advice.
@@ -281,7 +283,7 @@ def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> 
         chain: the arm.
         plan: the plan of the arm's move.
         limit: largest speed of the tool centre point [m/s].
-        remedy: writes the advice for a slower move.
+        remedy: writes the advice for a slower move, from the factor on the duration and the new duration [s].
 
     Raises:
         SpeedLimitExceeded: names the point of the largest speed, and gives the advice.
@@ -289,11 +291,13 @@ def check_tool_speed(chain: Chain, plan: Plan, limit: float, remedy: Remedy) -> 
     times = plan.looks
     motion = plan.motion(times)
     jacobians = chain.jacobian(motion.positions)[:, :3]  # the rows of the translation
+    # For each time k, the product of the Jacobian (3, n) and the velocities of the n axes.
     velocities = np.einsum("kin,kn->ki", jacobians, motion.velocities)
     speeds = np.linalg.norm(velocities, axis=1)
     row = int(speeds.argmax())
+    # Factor on the duration with which the move is possible, with the margin of advices.
     factor = MARGIN * float(speeds.max()) / limit
-    # That is: the largest speed is at most the limit, up to rounding.
+    # The same as: the largest speed is at most the limit, up to rounding.
     if factor <= MARGIN * (1 + _ROUNDING):
         return
     time = float(times[row])
@@ -330,7 +334,7 @@ def _rates(trajectory: Trajectory, times: Vector, order: int) -> Vector:
 
 
 def axis_text(value: float, is_revolute: bool) -> str:
-    """Position of an axis as messages show it: in degrees for a revolute axis [rad], otherwise in metres [m]."""
+    """Position of an axis [rad or m] as messages show it: in degrees for a revolute axis, otherwise in metres."""
     return (
         message("programs.degrees", "{degrees:.1f} deg", degrees=np.rad2deg(value))
         if is_revolute
@@ -360,8 +364,8 @@ def check_collisions(
         robots: postures (k, n) [rad or m] of each robot that moves, by name.
         times: times of the postures, shape (k,) [s].
         naming: gives the point that a time belongs to, for the message.
-        judged: names of the robots whose collisions count. If it is None, the collisions of
-            all robots that move count.
+        judged: names of the robots whose collisions count, with each other and with everything else. If it is None,
+            the collisions of all robots that move count.
 
     Raises:
         PathCollision: names the first point with a collision, and the two bodies.
@@ -396,9 +400,10 @@ def check_moves(model: StationModel, plans: Sequence[Plan]) -> None:
 
     Args:
         model: the station with collision shapes.
-        plans: the plans, one for each robot that moves.
+        plans: the plans, at least one, each of another robot. Other robots stay as they are in the model.
 
     Raises:
+        InvalidParameter: a value is no plan.
         PathCollision: names the first collision, by the point of the longest move.
     """
     for plan in plans:

@@ -2,7 +2,8 @@
 
 A target is a *pose* of the tool, a *place* (a position that keeps the tool's orientation), or a posture of the axes.
 The frame of poses and places is the *work object*, see :data:`WorkObject`. A *way* is the path to one target, a
-*segment* is a path from rest to rest on which the postures are known.
+*segment* is a path from rest to rest on which the postures are known. With a *zone* the tool turns to the next target
+before it reaches one: the ways are then joined to a single one. An *arrival* is the time at which a target is reached.
 """
 
 from collections.abc import Callable, Sequence
@@ -84,9 +85,9 @@ def world_poses(
     """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4).
 
     Args:
-        targets: poses in any form, or places (3,) or (k, 3) [m].
+        targets: one or several poses in any form, or places (3,) or (k, 3) [m].
         wobj: pose of the work object in the world.
-        turn: orientation in the world for places, shape (3, 3).
+        turn: orientation in the world that the tool gets at places, shape (3, 3).
         name: name of the targets for error messages.
 
     Raises:
@@ -110,7 +111,7 @@ def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str)
         name: name of the places for error messages.
 
     Raises:
-        InvalidParameter: there is no place, or one is not finite.
+        InvalidParameter: there is no place, or a place or pose has a wrong shape or is not finite.
     """
     if not is_place(points):
         return np.asarray((wobj.GetAsMatrix4() @ pose_matrices(points, name))[:, :3, 3])
@@ -123,7 +124,10 @@ def places(points: npt.ArrayLike | PoseTargets, wobj: RigidTransform, name: str)
 
 
 def numbers_or_nothing(targets: Any) -> Vector:
-    """Pose vectors or places as an array. It is empty for poses in other forms, and for values that are no pose."""
+    """Pose vectors (6,) or (k, 6), or places (3,) or (k, 3), as an array.
+
+    The array is empty, with the shape (0, 3), for poses in other forms and for values that are no pose.
+    """
     nothing = np.zeros((0, 3))
     try:
         rows: Vector = np.asarray(targets, dtype=float)
@@ -136,6 +140,8 @@ def numbers_or_nothing(targets: Any) -> Vector:
 def check_units(targets: Any, name: str) -> None:
     """Refuse poses and places whose numbers can only be millimetres or degrees.
 
+    Only vectors are checked: poses as matrices or transforms, and values that are no pose, are accepted here.
+
     Args:
         targets: poses or places as the user gave them.
         name: name of the targets for the error message.
@@ -143,7 +149,7 @@ def check_units(targets: Any, name: str) -> None:
     Raises:
         InvalidParameter: a length or an angle is too large.
     """
-    # Only vectors are checked: people write them by hand. Matrices and transforms are computed.
+    # People write vectors by hand. Matrices and transforms are computed.
     rows = np.atleast_2d(numbers_or_nothing(targets))
     _check_unit(
         rows[:, :3],
@@ -195,7 +201,7 @@ def _check_unit(
 
 
 def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
-    """Whether targets are places [x y z], not poses."""
+    """Whether targets are places [x y z], one or several, not poses. It is False for values that are neither."""
     if isinstance(targets, RigidTransform):
         return False
     # NumPy takes transforms for objects: a list of three of them has the shape of a place.
@@ -211,14 +217,15 @@ def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
 
 
 def is_single(targets: PoseTargets) -> bool:
-    """Whether targets are a single pose or place, not several."""
+    """Whether targets are a single pose (transform, vector or matrix) or place, not several."""
     return isinstance(targets, RigidTransform) or np.shape(targets) in ((3,), (6,), (4, 4))
 
 
 def pose_numbers(pose: PoseLike) -> list[float]:
     """Pose as a file has it: [x y z Rz Ry Rx] [m, rad].
 
-    Numbers of a pose vector are kept to the last bit: converting them to a transform and back would change them.
+    Numbers of a pose vector are kept to the last bit: converting them to a transform and back would change them. Poses
+    in other forms are converted.
     """
     if not isinstance(pose, RigidTransform) and np.shape(pose) == (POSE_SIZE,):
         return [float(value) for value in np.asarray(pose)]
@@ -226,9 +233,9 @@ def pose_numbers(pose: PoseLike) -> list[float]:
 
 
 def row_numbers(targets: Any) -> Any:
-    """Targets as numbers for a file: places, postures, or pose vectors in place of matrices and transforms.
+    """Targets as lists of numbers for a file: places, postures and pose vectors as they are.
 
-    The name of a posture is returned unchanged.
+    Matrices and transforms become pose vectors, one in each row. The name of a posture is returned unchanged.
     """
     if isinstance(targets, str):
         return targets
@@ -238,7 +245,7 @@ def row_numbers(targets: Any) -> Any:
     try:
         values: Vector = np.asarray(targets, dtype=float)
         are_matrices = values.shape[-2:] == (4, 4)
-    except (TypeError, ValueError):  # transforms
+    except (TypeError, ValueError):  # transforms, which `pose_matrices` below reads as well
         are_matrices = True
     if are_matrices:
         return poses_from_matrices(pose_matrices(targets, "")).tolist()
@@ -291,7 +298,14 @@ class Planning:
         return np.asarray(self.chain.forward(self.start)[0])
 
     def inverse(self, solver: SolverLike | None) -> Solver:
-        """Solver of the inverse kinematics, or that of the robot if None."""
+        """Solver of the inverse kinematics for a move.
+
+        Args:
+            solver: name of a solver, or a solver. If it is None, that of the robot.
+
+        Raises:
+            UnknownName: there is no such solver.
+        """
         # A move may name its own solver, such as one that allows the tool to turn.
         return solver_for(self.chain, self.solver if solver is None else solver)
 
@@ -305,7 +319,7 @@ class Planning:
 
         Raises:
             UnknownName: the robot has no posture of this name.
-            InvalidParameter: the postures have a wrong shape.
+            InvalidParameter: the postures have a wrong shape, or numbers that are not finite.
         """
         if isinstance(targets, str):
             targets = self.model.posture(targets, self.start)
@@ -322,15 +336,18 @@ class Planning:
         return self.chain.postures(rows, name)
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
-        """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4)."""
+        """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4).
+
+        For the errors see :func:`world_poses`.
+        """
         # Places keep the orientation that the tool has at the start.
         return world_poses(targets, self.frame(wobj), self.pose[:3, :3])
 
     def plan_along(self, ways: Sequence[Way], inverse: Solver, how: How, points: int) -> Plan:
-        """Plan a move of the tool along paths.
+        """Plan a move of the tool along paths: find the postures on them, plan the timing, and check the move.
 
         Args:
-            ways: path to each target.
+            ways: path of poses to each target.
             inverse: solver of the inverse kinematics.
             how: options of the move.
             points: count of points on the way to each target.
@@ -363,15 +380,19 @@ class Planning:
 
         Args:
             segments: segments of the move.
-            how: options of the move.
+            how: options of the move. `check` decides what is checked.
             points: count of points on the way to each target.
             rows: target postures, which are checked first, shape (k, n) [rad or m]. If it is None, the ends of the
                 segments.
             through: whether the axes pass the targets without rest.
-            hint: text that is added to messages about the targets.
+            hint: text that is added to messages about the targets; empty if there is none.
 
         Raises:
+            UnknownName: the option `check` has an unknown value.
             SimrobError: the move exceeds a limit or has a collision.
+
+        Warns:
+            TorqueShortage: the move in its given time needs more torque than a motor gives.
         """
         if through:
             plan = through_all(self.robot, segments, how, points, self.rate_limits)
@@ -403,15 +424,19 @@ class Planning:
         Args:
             plan: the plan.
             how: options of the move, of which `check` decides what is checked.
-            ends: target postures, which are checked first, shape (k, n) [rad or m].
-            hint: text that is added to messages about the targets.
+            ends: target postures, which are checked first, shape (k, n) [rad or m]. With zones there may be fewer than
+                targets: the last ones.
+            hint: text that is added to messages about the targets; empty if there is none.
 
         Returns:
-            The plan, with its `check`.
+            A copy of the plan with the value of the option `check`.
 
         Raises:
             UnknownName: the option `check` has an unknown value.
             SimrobError: the plan exceeds a limit. The message names the first such point.
+
+        Warns:
+            TorqueShortage: the move in its given time needs more torque than a motor gives.
         """
         # None in a program's file, `check:` without a value, means limits without collisions.
         requested = how.get("check", CHECKED)
@@ -420,18 +445,19 @@ class Planning:
         if check == "nothing":
             return replace(plan, check=check)
         count = len(plan.arrivals)
+        # A target is the last one of the points on its way.
         targets = [PathPoint(plan.points, target_name(index, count)) for index in range(count)]
 
         def target_at(time: float) -> PathPoint:
-            """Name of the target that is reached at a time [s]."""
+            """Target that is reached at a time [s], as the point that messages name."""
             return targets[int(np.searchsorted(plan.arrivals, time))]
 
-        # With zones there are fewer ends than targets: the ends are the last ones.
-        end_times = plan.arrivals[-len(ends) :]
+        end_times = plan.arrivals[-len(ends) :]  # of the last targets, if there are fewer ends
         check_limits(self.chain, end_times, ends, target_at, hint)
         times = plan.looks
         # Between targets a spline may swing out beyond a limit that both ends respect.
         check_limits(self.chain, times, plan.postures(times), plan.point_at)
+        # The order of the derivative: 1 for the limits of speed, 2 for those of acceleration.
         for order, limits in enumerate(self.rate_limits, start=1):
             advice = partial(remedy, how, order)
             check_rates(self.chain, plan.trajectory, times, limits, order, plan.point_at, advice)
@@ -443,15 +469,17 @@ class Planning:
 
 
 def zone_of(how: How, count: int) -> float:
-    """Size of the zones of a move [m]. It is 0 if the move rests at each target.
+    """Size of the zones of a move [m]: the distance from a target at which the tool begins to turn to the next one.
+
+    It is 0 if the option is not set or `fine`: then the zones do not change the move.
 
     Args:
         how: options of the move.
         count: count of targets.
 
     Raises:
-        InvalidParameter: the zone is invalid, or a move to a single target has one.
-        Unsuitable: a move with zones has times of its targets.
+        InvalidParameter: the zone is invalid.
+        Unsuitable: a move with zones has a single target, or times of its targets.
     """
     zone = zone_size(how.get("zone", "fine"))
     # A zone rounds the corner between two paths: a single path has none.
@@ -506,7 +534,7 @@ def join_ways(ways: Sequence[Way], zone: float, points: int) -> list[SampledWay]
 
 
 def points_of(how: How, default: int) -> int:
-    """Count of points on the way to each target.
+    """Count of points on the way to each target. The names of all options are checked, too.
 
     Args:
         how: options of the move.
@@ -522,11 +550,13 @@ def points_of(how: How, default: int) -> int:
 
 
 def degrees_hint(chain: Chain, rows: npt.NDArray[np.float64]) -> str:
-    """Hint for postures that would be within the limits if they were in degrees.
+    """Hint, for an error message, for postures that are likely in degrees by mistake.
+
+    They would be within the limits if they were in degrees, and an angle is larger than a whole turn in radians.
 
     Args:
         chain: the axes.
-        rows: the postures, shape (k, n) [rad or m].
+        rows: the postures as the user gave them, shape (k, n) [rad or m].
 
     Returns:
         The hint, or an empty text if the postures are not likely to be in degrees.

@@ -47,7 +47,8 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
     """Read the options of an automatic program from an argument of a user.
 
     Args:
-        value: the options, a mapping of their keys, or True for the defaults.
+        value: the options, a mapping of their keys, or True for the defaults. False has no options: the caller treats
+            it before.
 
     Raises:
         InvalidConfig: the mapping has a wrong entry.
@@ -66,16 +67,20 @@ def pace_of(value: bool | Automatic | Mapping[str, Any]) -> Automatic:
 def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> SimulationResult:
     """Run the cells of an automatic program from where a robot is, while other robots hold their positions.
 
-    The run ends with the last cell. Sequencers that the station has for the robot are left out during the run.
+    The run ends when the robot has reached the last cell. Sequencers that the station has for the robot are left out
+    during the run.
 
     Args:
         robot: the robot.
-        cells: the cells.
+        cells: the cells: targets of the axes, and the duration of the way to them.
         pace: options of the program.
+
+    Returns:
+        The result of the run. A cell that is not reached within the time-out ends the run early.
 
     Raises:
         InvalidParameter: there is no cell, a target is beyond its limits, or the station is kinematic.
-        InvalidConfig: the way to a cell takes longer than the time-out.
+        InvalidConfig: the duration of the way to a cell is longer than the time-out.
     """
     if not cells:
         raise Unsuitable(
@@ -107,7 +112,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
         },
         NAME,
     )
-    # Each cell may be one sample late, and so may the first and the last sample of the run.
+    # Longest duration of the run [s]. Each cell may be one sample late, and so may the first and the last sample.
     sample = 1 / section.rate
     longest = len(cells) * (pace.timeout + sample) + 2 / section.rate
     station = config.model_copy(update={"controllers": {**others, NAME: section}})
@@ -120,7 +125,10 @@ Reference = Annotated[JointMove, PlainSerializer(JointMove.entry)]
 
 
 def _expand_bool(value: Any) -> Any:
-    """Expand True to a mapping without keys, whose options are the defaults, and False to None."""
+    """Expand True to a mapping without keys, whose options are the defaults, and False to None.
+
+    Other values are returned unchanged, for pydantic to check.
+    """
     if isinstance(value, bool):
         return {} if value else None
     return value
@@ -189,21 +197,25 @@ class Program(Strict):
         return len(self.moves) == 1 and isinstance(self.moves[0], PlayMove)
 
     def with_added_moves(self, *moves: Move) -> "Program":
-        """Make a copy with further moves at the end."""
+        """Make a copy with further moves at the end.
+
+        Raises:
+            InvalidParameter: a value is no move.
+        """
         # `model_copy` checks nothing, so wrong values are refused here.
         _check_moves(*moves)
         return self.model_copy(update={"moves": (*self.moves, *moves)})
 
     def with_inserted_move(self, index: int, move: Move) -> "Program":
-        """Make a copy with another move.
+        """Make a copy with a further move at an index. The moves from this index on come after it.
 
         Args:
-            index: index that the move gets, from 0. Negative indices count from the end. The count of moves means the
-                end of the program.
+            index: index that the move gets, from 0. A negative index counts from the end: -1 inserts the move before
+                the last one. The count of moves means the end of the program.
             move: the move.
 
         Raises:
-            InvalidParameter: the index is out of range.
+            InvalidParameter: the index is out of range, or the value is no move.
         """
         _check_moves(move)
         # The end of the program is a valid index here, unlike for moves that exist.
@@ -218,7 +230,7 @@ class Program(Strict):
         Raises:
             InvalidParameter: the index is out of range.
         """
-        # Counted from the start, because a slice from -1 + 1 on would be the whole program.
+        # Counted from the start, because a slice from -1 + 1 = 0 on would be the whole program.
         from_start = self._check_index(index, len(self.moves) - 1)
         return self.model_copy(
             update={"moves": (*self.moves[:from_start], *self.moves[from_start + 1 :])}
@@ -228,7 +240,7 @@ class Program(Strict):
         """Make a copy in which another move replaces that of an index, which counts from the end if it is negative.
 
         Raises:
-            InvalidParameter: the index is out of range.
+            InvalidParameter: the index is out of range, or the value is no move.
         """
         _check_moves(move)
         from_start = self._check_index(index, len(self.moves) - 1)
@@ -249,7 +261,11 @@ class Program(Strict):
         return self.model_copy(update={"station": station})
 
     def with_reference(self, cell: JointMove) -> "Program":
-        """Make a copy with a further cell at the end."""
+        """Make a copy with a further cell at the end of its references.
+
+        Raises:
+            InvalidParameter: the value is no move of joints.
+        """
         # An arm and a robot with legs share this method, so the cell is checked once, here.
         instance(
             cell,
@@ -277,33 +293,35 @@ class Program(Strict):
         return target
 
     def text(self) -> str:
-        """Program as YAML. Keys without a value are left out."""
+        """Program as YAML. Keys without a value, or with an empty one, are left out."""
         # A file should have only what its author has set.
         content = {key: value for key, value in self.model_dump(mode="json").items() if value}
         # Lists of numbers stay on one line, and the keys in the order of the class, as people write them.
-        how: dict[str, Any] = {
+        yaml_options: dict[str, Any] = {
             "sort_keys": False,
             "allow_unicode": True,
             "width": 120,
             "default_flow_style": None,
         }
-        return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **how))
+        return str(yaml.dump(content, Dumper=yaml.CSafeDumper, **yaml_options))
 
     @classmethod
     def load(cls, file: Path | str) -> "Program":
         """Read a program from a YAML file.
 
+        Files that its changes name are relative to the folder of the program; in the result their paths are absolute.
+
         Raises:
             InvalidConfig: the file cannot be read, or is damaged. The message names the file, and the move and the key,
                 or the line.
+            SimrobError: a change names a file that this program may not read.
         """
         source = as_path(file, "file")
         program = cls.of_content(read_yaml(source), source)
         # Only changes of the station can name files.
         if not program.changes:
             return program
-        # Files that changes of the station name are relative to the folder of the program. The border checks that a
-        # program from elsewhere reads no files outside its own folder.
+        # The border checks that a program from elsewhere reads no files outside its own folder.
         folder = source.absolute().parent
         border = Border(source)
         changes = []
@@ -342,7 +360,7 @@ class Program(Strict):
         """Read a program from the content of a file.
 
         Args:
-            content: the content.
+            content: the content, before any check.
             source: name of the program, or its file, for error messages.
 
         Raises:
@@ -360,11 +378,14 @@ class Program(Strict):
         """Check the index of a move, and count it from the start.
 
         Args:
-            index: the index. It counts from the end if it is negative.
-            last: largest index that is allowed.
+            index: the index, as the user gave it. It counts from the end if it is negative.
+            last: largest index that is allowed; -1 if the program has no move.
+
+        Returns:
+            The index from the start, from 0 to `last`.
 
         Raises:
-            InvalidParameter: the index is out of range.
+            InvalidParameter: the index is out of range, or no integer.
         """
         count = len(self.moves)
         instance(

@@ -10,11 +10,14 @@ _PROGRAM_KEYS = frozenset(("moves", "references"))  # keys of programs that no s
 
 
 def is_program_file(file: Path | str) -> bool:
-    """Whether a text is the path of a program's YAML file, not a station. False if there is no such file.
+    """Whether a text is the path of a program's YAML file, not of a station. It is False if there is no such file.
+
+    The file is read: that of a program has a key ``moves`` or ``references``.
 
     Raises:
         InvalidConfig: the file cannot be read.
     """
+    # A file that an importer of an extension reads is a station, whatever its keys are.
     if not is_yaml_name(file) or not isfile(file) or find_station_importer(file) is not None:
         return False
     return not _PROGRAM_KEYS.isdisjoint(read_yaml(Path(file)))

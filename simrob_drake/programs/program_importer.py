@@ -81,11 +81,11 @@ class ProgramImporter(Importer, ABC):
 
     @abstractmethod
     def read_program(self, file: Path, request: ProgramRequest) -> ImportedProgram:
-        """Read the program of a file.
+        """Read the program of a file. Nothing moves.
 
         Args:
             file: the file.
-            request: request of the user.
+            request: station, robot and options that the user wants.
 
         Raises:
             SimrobError: the program cannot be understood or done; the message names the file and the line.

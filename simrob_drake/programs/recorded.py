@@ -1,4 +1,8 @@
-"""A station whose runs can be shown, recorded, repeated, saved as one result, and done again on another station."""
+"""A station whose runs can be shown, recorded, repeated, saved as one result, and done again on another station.
+
+The *tape* of a station holds the recording: a *take* is one run, and an *entry* is a move as the file of a program has
+it, such as a change of the station between two runs. A *stage* is several takes that are repeated as one run.
+"""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -44,7 +48,7 @@ class RecordedStation(StatefulStation):
         return self._window.url
 
     def draw(self, postures: dict[str, Vector]) -> None:
-        """Show robots in other postures in the window, without moving them.
+        """Show robots in other postures in the window, without moving them. The window is opened if there is none.
 
         Args:
             postures: posture of each robot by name, shape (n,) [rad or m]. The other robots are shown where they are.
@@ -85,6 +89,8 @@ class RecordedStation(StatefulStation):
     def result(self) -> SimulationResult:
         """Join all recorded runs to one result. Nothing is run again.
 
+        The result has the program that repeats the recording, if the file of a program can describe all of it.
+
         Pieces that are attached or released between the runs are free pieces in the result: their poses are signals,
         ``piece.<piece>.x`` and so on.
 
@@ -96,13 +102,14 @@ class RecordedStation(StatefulStation):
         # Without moves there is no program: a recording that a file cannot describe is saved without one.
         text = Program(station=STATION, moves=tuple(moves)).text() if moves else ""
         last_take = self.tape.takes[-1]
-        # Changes after the last run are in the station of this object only.
+        # Changes after the last run, such as a released piece, are in the station of this object only.
         ends_with_run = self.tape.entries[-1] is last_take
         final_station = last_take.config if ends_with_run else self.config
+        # Runs are numbered by their index among the moves of the program, in which changes are moves as well.
         runs = [
             entry.result.with_move_number(number)
             for number, entry in enumerate(self.tape.entries)
-            if isinstance(entry, Take)  # a change has a number as well
+            if isinstance(entry, Take)
         ]
         return join_runs(runs, left=final_station, program=text)
 
@@ -141,10 +148,14 @@ class RecordedStation(StatefulStation):
             duration: duration of all runs together [s]. If it is None, as recorded.
             strict: whether a run with warnings raises an error. It does, too, if this station is strict.
 
+        Returns:
+            All runs as one result, up to a run that diverged or was interrupted.
+
         Raises:
             VerdictError: a run has warnings, and ``strict`` is True.
             InvalidParameter: nothing was recorded, or two runs do not join. Such a recording can be replayed.
-            SimrobError: a piece cannot be attached or released there.
+            Unsuitable: a duration is given, and a run has references that are no planned moves.
+            SimrobError: a piece cannot be attached or released there, or the other station lacks a robot.
         """
         stages = self.tape.stages(duration)
         # A new object of the same class runs the stages, so that this one does not change.
@@ -165,10 +176,15 @@ class RecordedStation(StatefulStation):
         return runs[0] if len(runs) == 1 else join_runs(runs, left=cell.config)
 
     def _repeat_change(self, entry: Entry) -> None:
-        """Change this station by a recorded entry: attach or release a piece, or change a tool."""
+        """Change this station by a recorded entry: attach or release a piece, or change a tool.
+
+        Args:
+            entry: the entry, with the key ``attach``, ``release`` or ``tool`` and the arguments of that method.
+        """
         # An entry has exactly one key: the kind of its move.
         ((key, content),) = entry.items()
         if key == "tool":
+            # A tool is either named or given by its pose. The robot is None if the station has only one.
             self.tool(self.robot_name(content["robot"]), content.get("name") or content["pose"])
         elif key == "attach":
             self.attach(**content)

@@ -1,4 +1,7 @@
-"""The JSON Schemas of the files under ``models/`` and of programs, for editors that complete and check YAML."""
+"""The JSON Schemas of the files under ``models/`` and of programs, for editors that complete and check YAML.
+
+Run as a script, this module writes them to ``models/``.
+"""
 
 from typing import Any
 
@@ -12,6 +15,7 @@ from simrob_drake.robots.pieces import PieceModel
 
 def model_schemas() -> dict[str, dict[str, Any]]:
     """Return the schemas of files under ``models/`` and of programs, by the names of their own files."""
+    # `from_place` names required fields that a file need not have: the loader can set them.
     robot = file_schema(RobotModel, from_place=("name", "folder", "root", "axes"))
     # A robot is described by a URDF with its axes, or by a table of Denavit and Hartenberg, not by both.
     robot["oneOf"] = [{"required": ["urdf", "root", "axes"]}, {"required": ["dh"]}]

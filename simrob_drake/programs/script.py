@@ -26,14 +26,14 @@ def script(
     Args:
         program: the program.
         station: name of the station, or its file. A file in the folder of the script is found relative to the script.
-        settings: changes of the station, by dotted key.
-        robot: name of a robot with legs. If it is None, the only robot of the station.
+        settings: changes of the station, by dotted key, such as ``servo.kp``.
+        robot: name of the robot if it has legs. If it is None, the only robot of the station. It is not used for arms.
         legs: whether a robot with legs performs the program; otherwise the arms of a workcell do.
         code: whether the station names Python code, which it may run only if the script allows it.
-        file: file of the script. The folder of the result is named after it.
+        file: file of the script, with the path of its folder. The folder of the result is named after it.
 
     Returns:
-        Text of the script.
+        Text of the script. Nothing is written to the file.
     """
     is_in_folder = Path(station).parent == file.parent
     # Script and station can then be moved together.
@@ -57,7 +57,7 @@ def script(
 
 
 def _for_docstring(text: str) -> str:
-    """Escape a text so that it can be written between triple quotes."""
+    """Escape a text so that it can be written between triple double quotes of Python."""
     # Backslashes first: those of the escaped quotes must stay single.
     return text.replace("\\", "\\\\").replace('"""', '\\"\\"\\"')
 
@@ -90,7 +90,7 @@ def _run_statements(legs: bool, robot: str | None) -> str:
 
 
 def _argument(key: str, value: Any) -> str:
-    """Write a keyword argument of a call, with one line for each entry of a list."""
+    """Write a keyword argument of a call, on a line of its own; a list has one line for each of its entries."""
     is_list = isinstance(value, Sequence) and not isinstance(value, str)
     if not is_list:
         return f"    {key}={_value(value)},\n"
@@ -100,6 +100,6 @@ def _argument(key: str, value: Any) -> str:
 
 
 def _value(value: Any) -> str:
-    """Write a value as Python code. Strings get double quotes unless one of them contains such a quote."""
+    """Write a value as Python code. Strings get double quotes unless the text of the value contains such a quote."""
     text = pformat(value, width=_WIDTH, sort_dicts=False, compact=True)
     return text if '"' in text else text.replace("'", '"')

@@ -7,6 +7,9 @@ few points that are joined by a spline; where the tool would leave its line or a
 
 A :class:`Stretch` is a motion: a segment that a law of time makes a function of time. The law gives the part of the
 path that is covered at each time, see :class:`~simrob_drake.blocks.cruise.TimeLaw`.
+
+Messages name a part of a path by numbered *points* on the way to a target, the same that users count. A solver of the
+inverse kinematics finds postures for poses; it *reaches* a pose if it finds one.
 """
 
 import re
@@ -61,10 +64,10 @@ class Way:
 
 
 def zone_size(zone: object) -> float:
-    """Size of a zone: the distance from a target at which the tool begins to turn to the next one [m].
+    """Read the size of a zone: the distance from a target at which the tool begins to turn to the next one [m].
 
     Args:
-        zone: ``fine`` for the size 0, a name of RAPID such as ``z10`` for 10 mm, or the size [m].
+        zone: ``fine`` for the size 0, a name of RAPID such as ``z10`` for 10 mm (``z0`` is 0.3 mm), or the size [m].
 
     Raises:
         InvalidParameter: there is no such zone.
@@ -94,6 +97,10 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
         ways: the paths, one after the other.
         zone: size of the zones [m].
 
+    Returns:
+        The joined path. It is as long as all paths together, and passes the targets where the zones are in their
+        middle.
+
     Raises:
         InvalidParameter: the zone is larger than half of a path that leads into or out of one.
     """
@@ -111,10 +118,11 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
 
     def curve(parts: Vector) -> Vector:
         """Postures or poses at parts (k,) of the joined path, which are in ascending order."""
-        covered = parts * ends[-1]
+        covered = parts * ends[-1]  # length from the start [m]
         # First without zones: each part belongs to one of the paths.
         indices = np.minimum(np.searchsorted(ends, covered), len(ways) - 1)
         pieces = []
+        # A place on a path is measured from its end, where it is negative or 0 [m].
         for index, way in enumerate(ways):
             from_end = covered[indices == index] - ends[index]
             if from_end.size:
@@ -125,6 +133,7 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
             is_near = np.abs(covered - corner) < zone
             if is_near.any():
                 x = (covered[is_near] - corner) / zone
+                # The motion that is left of the first path, and the one that has entered the second.
                 left = _before_end(before, -zone * _zone_share(-x))
                 entered = _before_end(after, zone * _zone_share(x) - after.length)
                 corner_value = before.curve(np.ones(1))[0]
@@ -140,23 +149,32 @@ def _before_end(way: Way, from_end: Vector) -> Vector:
 
 
 def _zone_share(x: Vector) -> Vector:
-    """Function g of :func:`through_zones`: share of the second path in a zone that is covered."""
+    """Function g of :func:`through_zones`: the length of the second path that is covered, in zones, from 0 to 1.
+
+    Args:
+        x: distance behind the corner, in zones, from -1 to 1, shape (k,).
+    """
     t = (x + 1) / 2
     return np.asarray(t**3 * (2 - t))
 
 
 def _add_motions(left: Vector, corner: Vector, entered: Vector) -> Vector:
-    """Add the motion that ends in a corner and the motion that begins there.
+    """Add the motion that ends in a corner and the motion that begins there, at the same k times.
 
     Args:
         left: postures (k, n) or poses (k, 4, 4) of the first motion.
         corner: posture (n,) or pose (4, 4) of the corner.
-        entered: postures or poses of the second motion.
+        entered: postures or poses of the second motion, of the same shape.
+
+    Returns:
+        Postures or poses, of the same shape.
     """
     is_posture = left.ndim == 2
+    # Both are measured from the corner: left - corner + entered - corner + corner.
     if is_posture:
         return left + entered - corner
     positions = left[:, :3, 3] + entered[:, :3, 3] - corner[:3, 3]
+    # The same for rotations: the inverse of the corner's orientation is its transpose.
     rotations = left[:, :3, :3] @ corner[:3, :3].T @ entered[:, :3, :3]
     return stack_poses(positions, rotations)
 
@@ -211,7 +229,12 @@ def joint_way(chain: Chain, start: Vector, end: Vector) -> Way:
 
 
 def joint_segment(way: Way, *, points: int) -> Segment:
-    """Sample a path of the axes at a count of points, or at the least count if that is larger."""
+    """Sample a path of the axes at its start and at evenly spaced points.
+
+    Args:
+        way: the path, whose curve gives postures.
+        points: count of points behind the start. At least 6 are taken, as the spline through them needs.
+    """
     parts = np.linspace(0.0, 1.0, max(points, _LEAST_POINTS) + 1)
     return Segment(parts, way.curve(parts), way.length, way.passes)
 
@@ -219,14 +242,16 @@ def joint_segment(way: Way, *, points: int) -> Segment:
 def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target: str) -> Segment:
     """Find postures that lead the tool along a path of poses.
 
-    Points are added until the tool is within :data:`PATH_TOLERANCE` of the path also half-way between them.
+    Points are added until the tool is within :data:`PATH_TOLERANCE` of the path also half-way between them. If the
+    solver does not follow the path even at the points, because it may stray or ignores a part of the pose, none are
+    added.
 
     Args:
         solver: solver of the inverse kinematics. The incremental solver may leave the path, past singular postures, by
             its distance `stray`, if it comes to the end.
         way: the path of poses.
-        start: posture at the start, shape (n,) [rad or m].
-        points: least count of points on the path.
+        start: posture at the start of the path, shape (n,) [rad or m].
+        points: least count of points on the path, by which messages name a part of it.
         target: name of the target for messages.
 
     Raises:
@@ -237,6 +262,7 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
     poses = way.curve
     stray = 0.0
     count = max(points, _LEAST_POINTS)
+    # This solver follows turns only in small steps: a large turn gets more points.
     if isinstance(solver, IncrementalSolver):
         stray = solver.stray
         first, last = poses(np.array([0.0, 1.0]))
@@ -249,9 +275,9 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
     if not has_arrived:
         _require(solutions, parts[1:], targets[1:], points, target)
     postures = np.vstack([start, solutions.positions])
-    # A solver that may stray, or that ignores a part of the pose, does not follow the path: more points do not help.
+    # Where the solver does not follow the path, more points do not help.
     follows_path = _largest_distance(chain, postures, targets) < PATH_TOLERANCE
-    jump = np.inf
+    jump = np.inf  # largest motion of an axis between two points [rad or m]
     while follows_path:
         last_jump = jump
         jump = float(np.abs(np.diff(postures, axis=0)).max())
@@ -265,6 +291,7 @@ def pose_segment(solver: Solver, way: Way, start: Vector, *, points: int, target
         desired = poses(between)
         if _largest_distance(chain, guesses, desired) < PATH_TOLERANCE:
             break
+        # From here on, the count of points doubles: the new ones are put between the old ones.
         solutions = solver.solve(desired, guesses)
         _require(solutions, between, desired, points, target)
         all_parts = np.concatenate([parts, between])
@@ -295,7 +322,7 @@ class PathPoint(NamedTuple):
 def named_point(part: float, points: int, target: str) -> PathPoint:
     """Name the point by which error messages describe a place on the way: the point there, or else the next one.
 
-    Point i of the way, counted from 1, is at the fraction i / points.
+    Point i of the way, counted from 1, is at the fraction i / points. The last one is the target.
 
     Args:
         part: the place as a fraction of the way from the last target to this one, from 0 to 1.
@@ -327,10 +354,10 @@ def _largest_distance(chain: Chain, postures: Vector, targets: Vector) -> float:
 def _require(
     solutions: Solutions, parts: Vector, targets: Vector, points: int, target: str
 ) -> None:
-    """Check that a solver reached all poses.
+    """Check that a solver reached all poses of some points on a path.
 
     Args:
-        solutions: result of the solver.
+        solutions: result of the solver, for the poses in their order.
         parts: parts of the path at which the poses are, from 0 to 1, shape (k,).
         targets: the poses, shape (k, 4, 4).
         points: count of points on the path for messages.
@@ -355,7 +382,15 @@ def _require(
 def _broken_path(
     chain: Chain, postures: Vector, parts: Vector, points: int, target: str
 ) -> BrokenPath:
-    """Make the error for the largest jump of an axis between two of the postures (k, n) at parts (k,) of a path."""
+    """Make the error for the largest jump of an axis between two postures of a path that follow each other.
+
+    Args:
+        chain: the axes.
+        postures: postures on the path, shape (k, n) [rad or m].
+        parts: parts of the path at which they are, from 0 to 1, shape (k,).
+        points: count of points on the path, by which the message names the posture before the jump.
+        target: name of the target for the message.
+    """
     jumps = np.abs(np.diff(postures, axis=0))
     before, axis = np.unravel_index(int(np.argmax(jumps)), jumps.shape)
     number, name = named_point(float(parts[before]), points, target)
@@ -369,7 +404,7 @@ _FINER = 1.5  # how many times as many points a motion has as its path
 
 
 def free_spline(parts: Vector, postures: Vector) -> BSpline:
-    """Spline of degree five through postures (k, n) at parts (k,), without conditions on its ends."""
+    """Spline of degree five through postures (k, n) at parts (k,), without conditions on its ends. k is at least 6."""
     result: BSpline = make_interp_spline(parts, postures, k=_DEGREE)
     return result
 
@@ -425,7 +460,7 @@ class Stretch:
     ends: Slopes | None = None
 
     def of_axes(self, axes: slice) -> "Stretch":
-        """Motion of some of the axes."""
+        """Motion of some of the axes, given by a slice of their indices."""
         ends = None
         if self.ends is not None:
             own_ends = [EndSlopes(end.velocity[axes], end.acceleration[axes]) for end in self.ends]
@@ -433,11 +468,11 @@ class Stretch:
         return Stretch(self.times, self.postures[:, axes], ends)
 
     def at(self, begin: float, factor: float = 1.0) -> "Stretch":
-        """The same motion at another time.
+        """The same motion at other times, also of its velocities and accelerations at the ends.
 
         Args:
-            begin: by how much later it begins [s].
-            factor: how many times as long it takes.
+            begin: time that is added to all times [s].
+            factor: how many times as long it takes. The times are multiplied by it first.
         """
         ends = None
         if self.ends is not None:
@@ -459,20 +494,24 @@ def by_law(parts: Vector, postures: Vector, law: TimeLaw) -> tuple[Stretch, ...]
         parts: parts of the path, from 0 to 1, shape (k,).
         postures: postures at these parts, shape (k, n) [rad or m].
         law: the law of time.
+
+    Returns:
+        The motions, one after the other, from the time 0 of the law on.
     """
     path = free_spline(parts, postures)
     slope = path.derivative(1)
     curvature = path.derivative(2)
     motions = []
     for piece, (begin, end) in enumerate(pairwise(law.breaks)):
-        # A polynomial that covers a larger part of the path needs more points.
+        # A polynomial that covers a larger part of the path needs more points. Values of the law of this polynomial are
+        # asked for by its number, because two polynomials have different accelerations where they meet.
         share = float(np.ptp(law.at([begin, end], piece)))
         times = np.linspace(begin, end, _LEAST_POINTS + int(_FINER * share * len(parts)))
         covered = np.clip(law.at(times, piece, 0), 0.0, 1.0)
         rate = law.at(times, piece, 1)
         rate_change = law.at(times, piece, 2)
         ends = []
-        for index in (0, -1):
+        for index in (0, -1):  # the first and the last time
             velocity = slope(covered[index]) * rate[index]
             acceleration = (
                 curvature(covered[index]) * rate[index] ** 2
@@ -489,7 +528,10 @@ def rest(posture: Vector, begin: float, end: float) -> Stretch:
 
 
 def trajectory(stretches: Sequence[Stretch]) -> Trajectory:
-    """Trajectory of shape (n, 1) of motions that follow each other without a gap in time."""
+    """Positions of the axes as a function of time, of shape (n, 1) [rad or m], for one or several motions.
+
+    The motions follow each other without a gap in time.
+    """
     curves = []
     for stretch in stretches:
         fitted = spline(stretch.times, stretch.postures, stretch.ends)

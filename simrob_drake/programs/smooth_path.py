@@ -60,7 +60,7 @@ def find_faster_path(
 
     Args:
         search: the search that found the path.
-        postures: postures along the path, shape (k, n) [rad or m].
+        postures: postures along the path, the axes of one robot after those of the other, shape (k, n) [rad or m].
         corner_count: count of corners of the path.
         limits: limits of all axes that move.
 
@@ -78,6 +78,7 @@ def find_faster_path(
     axis_count = sum(len(robot.axes) for robot in station.station.robots.values())
     if station.plant.num_positions() != axis_count:
         return None
+    # Robots that do not move are placed as in the model of the search.
     now = model.plant.GetPositions(model.context)
     station.place_robots(
         {name: robot.axis_map.positions(now) for name, robot in model.robots.items()}
@@ -116,8 +117,8 @@ class _Problem:
         Args:
             search: the search that found the path.
             station: the station, with the robots at the start of the path.
-            postures: postures along a path without collisions, the initial guess, shape (k, n).
-            point_count: wanted count of control points.
+            postures: postures along a path without collisions, the initial guess, shape (k, n) [rad or m].
+            point_count: wanted count of control points of the spline.
             limits: limits of all axes that move.
         """
         self._search = search
@@ -129,13 +130,14 @@ class _Problem:
         )
         self._add_limits_and_costs(limits)
         # The path begins and ends at rest, exactly in the given postures.
-        rest = np.zeros(path.shape[1])
+        rest = np.zeros(path.shape[1])  # the velocities
         for end, fraction in ((path[0], 0.0), (path[-1], 1.0)):
             self._optimisation.AddPathPositionConstraint(end, end, fraction)
             self._optimisation.AddPathVelocityConstraint(rest, rest, fraction)
         self._shapes_apart = MinimumDistanceLowerBoundConstraint(
             station.plant, _APART, station.context, None, _NEAR
         )
+        # Evenly spaced points of the path, without both ends: shapes that are close there must not count.
         for fraction in np.linspace(0.0, 1.0, int(search.length(postures) / _EVERY) + 2)[1:-1]:
             self._optimisation.AddPathPositionConstraint(self._shapes_apart, fraction)
 
@@ -148,7 +150,7 @@ class _Problem:
         Args:
             path: positions of the plant along the path, shape (k, nq).
             fractions: fraction of the path's length at each of them, shape (k,).
-            point_count: wanted count of control points.
+            point_count: wanted count of control points. It is limited to a range.
         """
         # Only the knots of a first optimisation are used: the initial guess is a least-squares
         # spline with these knots.
@@ -159,7 +161,12 @@ class _Problem:
         return KinematicTrajectoryOptimization(initial_guess)
 
     def _add_limits_and_costs(self, limits: RateLimits) -> None:
-        """Add the limits of positions, speeds, accelerations and duration, and the costs."""
+        """Add the limits of positions, speeds, accelerations and duration, and the costs.
+
+        Args:
+            limits: limits of all axes that move.
+        """
+        # Lower and upper limits of all positions of the plant, shape (2, nq). Robots that do not move stay.
         position_limits = [
             self._plant_values(limit, others=self._start_positions)
             for limit in (self._search.lower, self._search.upper)
@@ -196,10 +203,12 @@ class _Problem:
         return np.array(values)
 
     def solve(self) -> Vector:
-        """Run the optimisation from its last result, which `keep_apart` also uses afterwards.
+        """Run the optimisation from its last result; its new result is the start of the next call.
+
+        Also stored are the times of the returned postures, which :meth:`keep_apart` needs.
 
         Returns postures along the path, shape (k, n) [rad or m], evenly spaced by length and
-        less than about CLOSE_LOOK apart.
+        less than about CLOSE_LOOK apart. They may collide, because shapes are kept apart at some points only.
         """
         options = SolverOptions()
         options.SetOption(SnoptSolver.id(), "Major iterations limit", _ITERATIONS)
@@ -232,7 +241,9 @@ class _Problem:
         )
 
     def keep_apart(self, collides: Vector) -> None:
-        """Keep shapes apart at more points: in the middle of each section of the path that collides.
+        """Keep shapes apart at more points, from the next :meth:`solve` on: one for each section that collides.
+
+        The point is in the middle of the section.
 
         Args:
             collides: whether each posture of the last result of `solve` collides, shape (k,).

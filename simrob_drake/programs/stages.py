@@ -4,7 +4,8 @@ A *stage* is one run of the station, or an action that takes no time. Moves of j
 stage, each walk and each act is one, and pieces are attached and released between runs. The whole program is checked
 before its first stage runs.
 
-An *automatic* program has references instead of moves: postures to which the robot goes, each with a condition.
+An *automatic* program has references instead of moves, also called cells: postures to which a controller leads the
+robot, each when the last one is reached.
 """
 
 from collections.abc import Sequence
@@ -70,8 +71,8 @@ class ProgramStage:
     Attributes:
         run: function that runs the stage.
         first: index of its first move in the program.
-        durations: duration of each of its moves [s]. That of a single move is known only after the run, and is 0
-            before. The references of an automatic program have no durations.
+        durations: duration of each of its moves [s]. A stage of one move that is no move of joints has a single 0,
+            because its duration is known only after the run. The stage of an automatic program has none.
     """
 
     run: Stage
@@ -79,14 +80,15 @@ class ProgramStage:
     durations: Sequence[float] = ()
 
     def spans(self, begin: float, end: float) -> list[MoveSpan]:
-        """Find when each move of the stage began and ended.
+        """Compute when each move of the stage began and ended.
 
         Args:
             begin: time at which the run of the stage began [s].
             end: time at which it ended [s].
 
         Returns:
-            One span for each move, without those that had not begun when the run ended.
+            One span for each move, without those that had not begun when the run ended. The stage of an automatic
+            program has no spans.
         """
         spans: list[MoveSpan] = []
         last = len(self.durations) - 1
@@ -115,6 +117,9 @@ def stages_of(
         moves: the moves.
         station: the station as it will be before the first move.
         file: file of the program for messages. It is empty if there is none.
+
+    Returns:
+        The stages, in order. Moves of joints that follow each other are one stage, each other move is one.
 
     Raises:
         SimrobError: the robot cannot perform a move. The message names the move and the file.
@@ -154,11 +159,18 @@ def stages_of_program(
 ) -> list[ProgramStage]:
     """Check a program, and cut it into stages, see :func:`stages_of`. An automatic program is a single stage.
 
+    Args:
+        robot: the robot.
+        program: the program.
+        station: the station as it will be before the first move.
+        file: file of the program for messages. It is empty if there is none.
+
     Raises:
-        InvalidParameter: the program has no move that takes time.
-        SimrobError: the robot cannot perform a move.
+        InvalidParameter: the program is not automatic and has no move that takes time, or it has a move for arms.
+        SimrobError: the robot cannot perform a move, or cannot reach a reference.
     """
     _check_references(robot, program, file)
+    # The options of an automatic program; None for a program of moves.
     if program.automatic:
         return [ProgramStage(partial(run_cells, cells=program.references, pace=program.automatic))]
     # A program that only attaches pieces has no run, and so no result that could be returned.
@@ -167,10 +179,14 @@ def stages_of_program(
 
 
 def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
-    """Moves of a program for a robot with legs.
+    """Moves of a program, checked to be for robots with legs.
+
+    Args:
+        program: the program.
+        file: file of the program for messages. It is empty if there is none.
 
     Raises:
-        InvalidParameter: a move is for arms.
+        InvalidParameter: a move is for arms. The message names the move and the file.
     """
     for number, move in enumerate(program.moves):
         # Named here, because the move itself would only say that it is for arms.
@@ -187,7 +203,13 @@ def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
 def check_program(
     robot: LeggedGeometry, program: Program, station: StationConfig, file: str = ""
 ) -> None:
-    """Check that a robot can perform a program, both its moves and its references.
+    """Check that a robot can perform a program, both its moves and its references. A program may have none of either.
+
+    Args:
+        robot: the robot.
+        program: the program.
+        station: the station as it will be before the first move.
+        file: file of the program for messages. It is empty if there is none.
 
     Raises:
         SimrobError: the robot cannot perform a move, or cannot reach a reference.
@@ -229,7 +251,14 @@ class JointReference(NamedTuple):
 
 
 def joint_reference(robot: LeggedGeometry, moves: Sequence[Move]) -> JointReference:
-    """Make the reference for moves of joints from where a robot is.
+    """Make the reference for moves of joints from where a robot's reference is. Nothing moves.
+
+    On a dynamic station it consists of straight lines between the postures at the ends of the moves, on a kinematic one
+    it is smooth, with rest at each of these postures.
+
+    Args:
+        robot: the robot.
+        moves: the moves, one after the other.
 
     Raises:
         InvalidParameter: there is no move, or one that is no move of joints.
@@ -296,12 +325,12 @@ def postures_of(model: RobotModel, moves: Sequence[JointMove], start: Vector) ->
 def step_moves(model: RobotModel, feet: str | None, move_time: float | None = None) -> list[Move]:
     """Make the moves of one step ahead.
 
-    They are those of the robot's sequence ``step``. If it has none for its feet, they are one full step of its first
-    gait.
+    They are those of the robot's sequence ``step``, one move of joints for each of its postures. If the robot has no
+    such sequence for its feet, it is one walk of a full step by its first gait.
 
     Args:
         model: the robot.
-        feet: kind of its feet in the station.
+        feet: kind of its feet in the station. It is None if the robot has no feet.
         move_time: duration of each move, or of the step [s]. If it is None, those of the sequence or the gait.
 
     Raises:
@@ -319,6 +348,7 @@ def step_moves(model: RobotModel, feet: str | None, move_time: float | None = No
         return _moves_of_sequence(model, own_step, move_time)
     gaits = gaits_of(model, steps=True)
     gait = gaits[first_gait(model, feet, gaits)]
+    # Parameters with which the gait takes a single step; `pace` is the name of its parameter for the time of a step.
     changes = dict(gait.one_step)
     if move_time is not None:
         changes[gait.pace] = move_time
@@ -333,10 +363,11 @@ def _moves_of_sequence(model: RobotModel, posing: Posing, move_time: float | Non
         posing: the sequence.
         move_time: duration of each move [s]. If it is None, the time between the postures of the sequence.
     """
-    # The file has times since the start of the sequence, a move has a duration.
+    # The sequence has times since its start [s], a move has a duration.
     durations = np.diff([0.0, *(target.time for target in posing.targets)])
     moves = list[Move]()
     for target, duration in zip(posing.targets, durations, strict=True):
+        # A mapping names its axes. A single number, or a list, is for all axes.
         target_deg = target.target_deg
         if not isinstance(target_deg, dict):
             target_deg = _targets_of_driven(model, target_deg)
@@ -345,27 +376,36 @@ def _moves_of_sequence(model: RobotModel, posing: Posing, move_time: float | Non
 
 
 def _targets_of_driven(model: RobotModel, target_deg: AxisValues) -> dict[str, float]:
-    """Spread one number or a list over the axes that have a motor, by name [deg, or m of a prismatic axis]."""
-    # A single number means all axes, but a passive axis cannot follow it.
+    """Targets by axis name from one number for all axes or one for each [deg, or m of a prismatic axis].
+
+    Axes without a motor (passive axes) are left out, because they cannot follow a target.
+    """
     values = model.axis_vector(target_deg, SEQUENCE).tolist()
     by_axis = dict(zip(model.axes, values, strict=True))
     return {axis: value for axis, value in by_axis.items() if axis not in model.passive_axes}
 
 
 def _check_references(robot: LeggedGeometry, program: Program, file: str) -> None:
-    """Check the targets of all references of a program.
+    """Check the targets of all references of a program. There may be none.
+
+    Args:
+        robot: the robot.
+        program: the program.
+        file: file of the program for messages. It is empty if there is none.
 
     Raises:
-        SimrobError: a target is wrong, see :func:`targets_on`. The message names the reference.
+        Unsuitable: a reference has an option `check` other than the default.
+        SimrobError: a target is wrong, see :func:`targets_on`. The message names the reference, and the file if the
+            text `file` is not empty.
     """
-    for number, cell in enumerate(program.references):
+    for number, reference in enumerate(program.references):
         name = reference_name(number, file)
-        # The sequencer leads the joints by itself: no collisions are checked on the way.
-        cell.refuse_check(name)
-        targets_on(robot.model, cell.target_deg, name)
+        # A sequencer is the controller that leads the joints to the references: it checks no collisions on the way.
+        reference.refuse_check(name)
+        targets_on(robot.model, reference.target_deg, name)
 
 
 def _move_joints(robot: LeggedGeometry, moves: Sequence[Move]) -> SimulationResult:
-    """Run moves of joints, one after the other, as one run."""
+    """Run moves of joints, one after the other, as one run from where the robot's reference is."""
     reference, duration = joint_reference(robot, moves)
     return robot.cell.follow({robot.name: reference}, duration)

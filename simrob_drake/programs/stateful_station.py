@@ -2,6 +2,8 @@
 
 A *plan* is a motion of an arm that has been checked, see :class:`~simrob_drake.programs.plan.Plan`; its *stretches* are
 the splines that it consists of. The *reference* of a robot is where its axes should be: its next move begins there.
+The *tape* records the runs: a *take* is a run, and an *entry* is a move as the file of a program has it. The *tool in
+use* of a robot is the frame to which its moves refer: a tool of its own, or a piece that it carries.
 """
 
 from abc import ABC, abstractmethod
@@ -118,7 +120,11 @@ class StatefulStation(ABC):
         return self._model
 
     def robot(self, name: str) -> StationRobot:
-        """Robot of the station's plant, by its name."""
+        """Robot of the station's plant, by its name.
+
+        Raises:
+            UnknownName: there is no such robot.
+        """
         return self._model.robots[one_of(message("base.robot", "robot"), name, self._model.robots)]
 
     def robot_name(self, name: str | None) -> str:
@@ -126,6 +132,9 @@ class StatefulStation(ABC):
 
         Args:
             name: the name. If it is None, the only robot of the station is meant.
+
+        Returns:
+            The name, or that of the only robot.
 
         Raises:
             UnknownName: there is no such robot.
@@ -158,11 +167,12 @@ class StatefulStation(ABC):
 
         Args:
             wobj: None or "world"; the name of a piece (its tool centre point), or one of its frames as ``piece.frame``;
-                the name of a robot or an :class:`Arm` (its tool centre point now); or a pose in any form.
+                the name of a robot or an :class:`Arm` (its tool centre point now, or the root link of a robot without
+                a tool); or a pose in any form.
 
         Raises:
             UnknownName: there is no such piece, frame or robot.
-            InvalidParameter: the value is no pose.
+            InvalidParameter: the value is no pose, or it is in other units than m and rad.
         """
         if wobj is None or (isinstance(wobj, str) and wobj == WORLD):
             return RigidTransform()
@@ -189,14 +199,16 @@ class StatefulStation(ABC):
 
         Args:
             plans: plans of different robots, such as ``left.plan.move_l(...)``. Without any, all robots wait.
-            duration: duration of the run [s]. If it is None, until the last move ends.
+            duration: duration of the run [s]. If it is None, until the last move ends. A shorter one cuts the moves.
 
         Returns:
             The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
 
         Raises:
-            InvalidParameter: see :meth:`check_together`; or there is neither a plan nor a duration.
+            InvalidParameter: see :meth:`check_together`; there is neither a plan nor a duration; or the duration is
+                not positive.
             PathCollision: see :meth:`check_together`.
+            VerdictError: the run has warnings, and `strict` is True.
         """
         # Everything is checked before the first step, so that an error leaves the station where it is.
         self.check_together(*plans)
@@ -211,9 +223,9 @@ class StatefulStation(ABC):
             )
         end = seconds(max(plan.duration for plan in plans) if duration is None else duration)
         # Robots without a plan, and those whose move ends earlier, rest until the end of the run.
-        own = {plan.robot: plan.stretches for plan in plans}
+        stretches_of_plans = {plan.robot: plan.stretches for plan in plans}
         stretches = {
-            robot: until(own.get(robot, ()), self.reference(robot), end)
+            robot: until(stretches_of_plans.get(robot, ()), self.reference(robot), end)
             for robot in self.config.robots
         }
         references = {robot: trajectory(motion) for robot, motion in stretches.items()}
@@ -228,7 +240,7 @@ class StatefulStation(ABC):
 
         Raises:
             InvalidParameter: a value is no plan, two plans are of the same robot, or a plan begins elsewhere.
-            PathCollision: bodies would collide, and a plan has the option to check collisions.
+            PathCollision: a robot would collide whose plan has the option to check collisions.
         """
         for plan in plans:
             instance(
@@ -270,6 +282,10 @@ class StatefulStation(ABC):
 
         Returns:
             The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+
+        Raises:
+            InvalidParameter: the references are no mapping, or the duration is not positive.
+            SimrobError: the station cannot follow a reference.
         """
         instance(
             references,
@@ -292,15 +308,25 @@ class StatefulStation(ABC):
         did: str = "",
         moves: tuple[AskedMove, ...] = (),
     ) -> SimulationResult:
-        """Run references of all robots, and record the run.
+        """Run references of robots from the present state.
+
+        If the run is completed or a monitor ends it, the station takes over its final state, and the tape records the
+        run. Otherwise the station stays as it was. An open window shows the run in both cases.
 
         Args:
-            references: reference of each robot by name.
+            references: reference of each robot by name. A robot without one follows the reference of the station's
+                file.
             duration: duration of the run [s].
-            stretches: motions of each robot by name. It is None if the run has no planned moves.
+            stretches: motions of each robot by name. It is None if the references are no planned moves.
             entry: entry of a program's file that makes this run again. It is None if no file can.
-            did: caption of the run.
+            did: caption of the run; empty if it has none.
             moves: the planned moves.
+
+        Returns:
+            The result of the run, also if the station stays as it was.
+
+        Raises:
+            VerdictError: the run has warnings, and `strict` is True.
         """
         # The take keeps the station and the state of the start, from which it can be repeated.
         config = self.config
@@ -340,18 +366,23 @@ class StatefulStation(ABC):
             station: the other station, with the same robots.
             references: reference of each robot by name.
             duration: duration of the run [s].
-            forget: name of a controller whose state is deleted afterwards, so that it begins anew next time.
+            forget: name of a controller whose state is deleted afterwards, so that it begins anew next time. It is
+                empty if all controllers keep their states.
+
+        Returns:
+            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
         """
         # `change` marks the tape: no file can describe a run with a controller or gains of its own.
-        own = self.config
+        own_station = self.config
         self.change(station)
         try:
             return self.follow(references, duration)
         finally:
             # A floor that had to become larger stays so: the robot may stand on the new part.
-            self.change(own.model_copy(update={"floor": station.floor}))
+            self.change(own_station.model_copy(update={"floor": station.floor}))
             if forget and self.state is not None:
                 forgotten = f"controller.{forget}"
+                # The state of each block of the station, by the block's name.
                 blocks = {
                     name: block for name, block in self.state.blocks.items() if name != forgotten
                 }
@@ -369,9 +400,19 @@ class StatefulStation(ABC):
         frame: str | None = None,
         pose: PoseLike | None = None,
     ) -> None:
-        """Attach a piece to the tool that a robot uses now; see :meth:`attach`."""
+        """Attach a piece to a robot; see :meth:`attach`, also for the errors.
+
+        If the tool in use is a piece, such as a gripper, the new piece is attached to it. Otherwise it is attached to
+        the robot.
+
+        Args:
+            piece: name of the piece.
+            robot: name of the robot. If it is None, the only robot of the station.
+            frame: a frame of the piece in use; or a tool or link of the robot, in place of its first tool.
+            pose: pose of the piece in the frame of its new parent, to which it jumps. If it is None, the piece stays
+                where it is, and must be near.
+        """
         name = self.robot_name(robot)
-        # A tool that is itself a piece carries the new piece, not the robot's flange.
         tool = self.model.tool_in_use(name)
         self.attach(piece, tool if tool in self.config.pieces else name, frame=frame, pose=pose)
 
@@ -435,7 +476,7 @@ class StatefulStation(ABC):
             piece: name of the piece.
             parent: ``world``, or a piece on which it is fixed from then on.
             frame: a frame of that piece, instead of its tool centre point.
-            fixed: whether the piece is fixed in the world, too.
+            fixed: whether the piece stays where it is in the world of a dynamic station, too, instead of falling.
 
         Raises:
             UnknownName: there is no such piece, parent or frame.
@@ -470,16 +511,16 @@ class StatefulStation(ABC):
             InvalidParameter: the value is no pose, or it is in other units than m and rad.
         """
         entry = self.config.robots[robot]
-        own = self.model.robots[robot]
+        station_robot = self.model.robots[robot]
         if isinstance(tool, str):
             one_of(
                 message("programs.tool_of_robot", "tool of {robot}", robot=robot),
                 tool,
-                [*own.tools, *own.model.links],
+                [*station_robot.tools, *station_robot.model.links],
             )
             # The same tool again keeps its offset.
             changes: dict[str, object] = (
-                {} if tool == own.tcp else {"tcp": tool, "tcp_offset": None}
+                {} if tool == station_robot.tcp else {"tcp": tool, "tcp_offset": None}
             )
         else:
             offset = as_transform(tool)
@@ -496,7 +537,10 @@ class StatefulStation(ABC):
         self.tape.note({"tool": {**own_tool, "robot": None if self.config.only_robot else robot}})
 
     def limit_efforts(self, robot: str, efforts: Mapping[str, float]) -> None:
-        """Set torque limits of some motors of a robot, by axis [N·m or N]. The other motors keep theirs."""
+        """Set torque limits of some motors of a robot, by the names of their axes [N·m or N].
+
+        The other motors keep theirs. The tape does not note the change.
+        """
         self._change(with_efforts(self.config, self.robot(robot), efforts))
 
     def change(self, config: StationConfig) -> None:
@@ -512,7 +556,7 @@ class StatefulStation(ABC):
         self.tape.note(None)
 
     def _change(self, config: StationConfig) -> None:
-        """Change the station, without a note on the tape; see :meth:`change`."""
+        """Change the station, without a note on the tape; see :meth:`change`, also for the errors."""
         instance(
             config,
             "config",
@@ -539,11 +583,14 @@ class StatefulStation(ABC):
     def check_collisions(self, *plans: Plan) -> None:
         """Check that moves at the same time have no collision, while the other robots are at rest.
 
+        Collisions of a robot whose plan leaves out the check do not count.
+
         Raises:
             PathCollision: bodies collide. The message names the first point.
         """
-        # The same plans are often checked twice: when they are made, and when they run. The objects never change, and
-        # they are kept, so that equal identities mean equal objects.
+        # The same plans are often checked twice: when they are made, and when they run. Station, state and stretches
+        # are never changed in place, and those of the last check are kept in memory: if all identities are the same,
+        # nothing has changed since then.
         checked: list[object] = [self.config, self.state]
         for plan in plans:
             checked += [plan.robot, plan.stretches, plan.check]
@@ -554,7 +601,10 @@ class StatefulStation(ABC):
 
     @property
     def collision_model(self) -> StationModel:
-        """The station's plant with collision shapes, the robots at their references."""
+        """The station's plant with collision shapes, with the robots placed at their references.
+
+        Only fingers are where they are now, because a piece may keep them from their references.
+        """
         model = self._model.colliding
         model.place_state(self.state, self.position, self.reference)
         return model
@@ -562,8 +612,11 @@ class StatefulStation(ABC):
     def free_space(self, robots: Sequence[str]) -> FreeSpace:
         """Prepare the space in which robots that move at the same time have to avoid collisions.
 
+        Args:
+            robots: names of the robots that move. They begin at their references.
+
         Raises:
-            StartInCollision: a robot is in collision now.
+            StartInCollision: a robot that moves is in collision now.
         """
         return FreeSpace(self.collision_model, {robot: self.reference(robot) for robot in robots})
 
@@ -579,7 +632,7 @@ class StatefulStation(ABC):
         )
 
     def runner_of(self, config: StationConfig) -> Runner:
-        """Runner of a station. The last one is kept, because building it takes time."""
+        """Runner of a station, which simulates it. The last one is kept, because building it takes time."""
         if self._runner is None or self._runner.config != config:
             self._runner = Runner(config)
         return self._runner

@@ -1,4 +1,7 @@
-"""A duration for a move of joints that the robot's servos can follow, for users who name none."""
+"""A duration for a move of joints that the robot's servos can follow, for users who name none.
+
+The *lag* of an axis is how far it is behind its reference, the position that it should have.
+"""
 
 import math
 
@@ -27,7 +30,8 @@ def suggest_duration(
     """Suggest a duration for a move of joints from rest to rest.
 
     The slowest axis decides: by its speed limit, and by the lag of its servo. A servo whose derivative acts on the
-    measured speed lags behind a reference that moves at the speed v by kd/kp v: there it balances the damping.
+    measured speed lags behind a reference that moves at the speed v by (kd/kp) v: there the proportional part balances
+    the damping. A servo that also follows the speed of its reference has no such lag.
 
     Args:
         config: the station.
@@ -36,15 +40,16 @@ def suggest_duration(
         target: positions at the end, shape (n,) [rad or m].
 
     Returns:
-        the duration [s], at least `MOVE_TIME`.
+        the duration [s], a multiple of `ROUNDING` from `MOVE_TIME` to `LONGEST`.
     """
-    # The peak of a move from rest to rest is PEAK times its mean speed. So the mean speed has to be lower by this
-    # factor.
+    # The largest speed of a move from rest to rest is PEAK times its mean speed. So the mean speeds, which are computed
+    # here, have to be lower than the limits by this factor.
     speeds = SPEED_SHARE * robot.speed_limits / PEAK
     if not config.follows_speed(robot.name):
         speeds = np.minimum(speeds, _speeds_without_lag(robot))
     distances = np.abs(target - start)
     moves = distances > 0.0
+    # Time of the slowest axis [s]; 0 if none moves.
     slowest = float(np.max(distances[moves] / speeds[moves], initial=0.0))
     # Rounded twice, so that a user reads 0.3 and not 0.30000000000000004.
     duration = round(math.ceil(slowest / ROUNDING) * ROUNDING, 3)
@@ -52,7 +57,10 @@ def suggest_duration(
 
 
 def _speeds_without_lag(robot: ResolvedRobot) -> Vector:
-    """Speeds at which the servos lag behind their references by no more than `LAG`, shape (n,) [rad/s or m/s]."""
+    """Speeds at which the servos lag behind their references by `LAG`, or `SLIDING_LAG` for axes that slide.
+
+    Shape (n,) [rad/s or m/s]. The speed of an axis without lag is infinite.
+    """
     gains = robot.gains
     lags = np.where(robot.model.prismatic, SLIDING_LAG, LAG)
     # Without damping nothing lags; without stiffness no duration helps. Neither limits the speed.

@@ -1,7 +1,8 @@
 """Recording of a workcell: its runs, and the changes of the station between them.
 
-A *take* is one run with everything that is needed to repeat it. An *entry* is a move as the file of a program has it.
-If all that happened can be written as entries, the recording can be saved as a program.
+A *take* is one run with everything that is needed to repeat it. An *entry* is a move as the file of a program has it:
+``{"wait": 1.0}`` is an entry of the kind ``wait``. If all that happened can be written as entries, the recording can be
+saved as a program. A *stretch* is a part of a planned motion. A *work object* (`wobj`) is the frame of the targets.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -77,7 +78,7 @@ class Take:
     entry: Entry | None = None
 
     def run(self) -> SimulationResult:
-        """Run it again from the same state. The motion is the same, sample by sample."""
+        """Run this take again from the same state. The motion is the same, sample by sample."""
         references = dict(self.references)
         return simulate(
             self.config,
@@ -116,22 +117,25 @@ class Tape:
         self.whole = True
 
     def keep(self, take: Take) -> None:
-        """Record a run, if the tape is running."""
+        """Record a run, if the tape is running. Note whether a program's file can still say all that happened."""
         # A run that is left out makes a gap, unless it is before the first recorded one.
         makes_gap = bool(self.entries) and not self.running
-        # One missing part is enough: the saved program would not do the same.
+        # One missing part is enough: the saved program would not do the same. This applies to a run before the first
+        # recorded one, too, if no file can say it; `record` begins anew.
         if makes_gap or take.entry is None:
             self.whole = False
         if self.running:
             self.entries.append(take)
 
     def note(self, change: Entry | None) -> None:
-        """Record a change of the station, if the tape is running.
+        """Record a change of the station between two runs, if the tape is running.
+
+        A change that is not recorded, or that no file can say, is noted: then the recording is no program.
 
         Args:
             change: entry of the change. It is None if no file can say it.
         """
-        # The first run has the station with all changes before it.
+        # Changes before the first run need no entry: a take has the station as it was at the start of its run.
         if not self.entries:
             return
         if self.running and change is not None:
@@ -165,7 +169,11 @@ class Tape:
         """Divide the recording into stages: runs that follow each other are one, and each change is one.
 
         Args:
-            duration: duration of all runs together [s]. If it is None, as recorded.
+            duration: duration of all runs together [s], to which each run is stretched or shortened in proportion. If
+                it is None, as recorded.
+
+        Returns:
+            A stage for each run, and the entry of each change, in order.
 
         Raises:
             InvalidParameter: nothing was recorded, or two runs that follow each other do not join.
@@ -191,10 +199,10 @@ class Tape:
 
 
 def _check_joined(earlier: Take, later: Take) -> None:
-    """Check that one run begins where the other ended.
+    """Check that one run begins where the other ended, by the planned motions of each robot.
 
     Raises:
-        InvalidParameter: there is a gap between them, or one has references that are no planned moves.
+        InvalidParameter: a robot would jump between them, or one has references that are no planned moves.
     """
     if earlier.stretches is None or later.stretches is None:
         raise _not_joined(
@@ -227,6 +235,9 @@ def _join_takes(takes: list[Take], factor: float) -> Stage:
     Args:
         takes: the runs, which begin where the one before ended.
         factor: factor of their durations.
+
+    Returns:
+        The stage, with one reference over all runs for each robot.
 
     Raises:
         InvalidParameter: the station was changed between them.
@@ -273,8 +284,8 @@ def with_entry(
         planning: the start of the move.
         targets: targets as the user gave them. If it is None, the move has others, which are in `more`.
         how: options of the move as the user gave them.
-        wobj: the work object.
-        solver: solver of the inverse kinematics. If it is None, that of the robot.
+        wobj: the work object. If it is None, the world.
+        solver: solver of the inverse kinematics. If it is None, that of the robot. Moves without one give ``auto``.
         **more: further keys of the move. Keys with the value None are left out.
 
     Returns:
@@ -344,7 +355,8 @@ def run_entry(
             # Its name would mean another pose now.
             assert plan.frame is not None
             content = {**content, "wobj": pose_numbers(plan.frame)}
-        # A file for the only robot of a station stays valid for other stations, whose robot has another name.
+        # Without the robot's name, a file for the only robot of a station stays valid for other stations, whose robot
+        # has another name.
         if not several:
             content = {name: value for name, value in content.items() if name != "robot"}
         moves.append({key: content})
@@ -370,12 +382,13 @@ def _has_wobj_moved(plan: Plan, wobj: Any, frame: Callable[[WorkObject], RigidTr
 
 
 def asked_move(plan: Plan, model: StationModel) -> AskedMove:
-    """Describe a planned move for the result of its run.
+    """Describe a planned move for the result of its run, which then reports about it.
 
     Args:
         plan: the plan.
         model: the station in which it runs.
     """
+    # The keys of the move; none if no file can say it.
     content = next(iter(plan.entry.values())) if plan.entry else {}
     robot = model.robots[plan.robot]
     return AskedMove(
@@ -392,7 +405,7 @@ def asked_move(plan: Plan, model: StationModel) -> AskedMove:
 
 
 def plans_caption(plans: Sequence[Plan], *, several: bool) -> str:
-    """Caption of a run of planned moves.
+    """Caption of a run of planned moves, such as "move_l" or "move_j of left, grip of right".
 
     Args:
         plans: the plans. Without any, the caption is "wait".

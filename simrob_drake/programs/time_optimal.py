@@ -3,6 +3,8 @@
 A *law* is the part of a path at which the robots are over time, from 0 to 1. The fastest law along a path has
 accelerations that jump from one limit to another. Here each value of the law is replaced by its mean over a short time,
 so that the acceleration is continuous. Then the whole motion is slowed down as far as the motors need it.
+
+A path or motion of several robots is one array of axes: those of one robot after those of the other.
 """
 
 from collections.abc import Sequence
@@ -83,7 +85,10 @@ class _RobotMotion(NamedTuple):
     accelerations: Vector
 
     def torque_excess(self, factor: float) -> float:
-        """Largest torque over its limit if the motion takes `factor` times as long [1]."""
+        """Largest ratio of a torque to what its motor can give if the motion takes `factor` times as long [1].
+
+        It is at most 1 if the motors can follow.
+        """
         velocities = self.velocities / factor
         torques = self.dynamics.inverse_dynamics(
             self.positions, velocities, self.accelerations / factor**2
@@ -118,10 +123,12 @@ class Motors:
         Raises:
             InvalidParameter: the motors could not even hold the robots on the path.
         """
+        # The path as a spline, the averaged law on it, the motion that results, and its slowdown for the motors.
         path = free_spline(segment.parts, segment.postures)
         law = _average(self._jumping_law(path, len(segment.parts), speed))
         stretch = Stretch(law.times, path(law.parts))
         factor = self._needed_slowdown(stretch)
+        # The targets are at the parts `passes` of the path: the law gives the time at each of them.
         passes = factor * np.interp(segment.passes, law.parts, law.times)
         return FastestMotion(stretch.at(0.0, factor), passes)
 
@@ -138,7 +145,8 @@ class Motors:
         """
         plant = self.model.plant
         robots = self.station_robots
-        # Limits and control points of the spline for all positions of the plant, also of robots that do not move.
+        # Limits and control points of the spline for all positions of the plant, also of robots that do not move. All
+        # joints have one position and one velocity, because pieces that move freely are fixed in this model.
         speeds = np.full(plant.num_velocities(), _UNLIMITED)
         accelerations = np.full(plant.num_velocities(), _UNLIMITED)
         torques = np.full(plant.num_velocities(), _UNLIMITED)
@@ -146,16 +154,18 @@ class Motors:
         first_axis = 0
         for robot in robots:
             axes = slice(first_axis, first_axis + len(robot.axes))
-            indices = robot.axis_map.velocity_places
+            indices = robot.axis_map.velocity_places  # indices of the robot's axes in the plant
             control_points = robot.axis_map.spread_positions(path.c[:, axes], control_points)
             speeds[indices] = _USED_PART * robot.speed_limits
             accelerations[indices] = np.minimum(_USED_PART * robot.model.accelerations, _UNLIMITED)
-            # Friction takes its part of the torque; the plant of the solver has none.
+            # Friction takes its part of the torque; the plant of the solver has none. Passive axes have no motor, and
+            # so no limit here.
             left_torques = np.minimum(
                 _USED_PART * (robot.gains.limit_at_rest - robot.model.friction), _UNLIMITED
             )
             torques[indices] = np.where(robot.gains.passive, _UNLIMITED, left_torques)
             first_axis = axes.stop
+        # The spline of SciPy, with degree k, knots t and control points c, as one of Drake.
         basis = BsplineBasis(path.k + 1, path.t.tolist())
         trajectory = BsplineTrajectory(basis, list(control_points[:, :, np.newaxis]))
         interval_count = int(np.clip(points, _LEAST_GRID, _MOST_GRID))
@@ -181,9 +191,13 @@ class Motors:
     def _needed_slowdown(self, stretch: Stretch) -> float:
         """Compute the factor, at least 1, by which a motion has to take longer so that the motors can follow.
 
+        Limits of speed and acceleration count, too. If not even the largest count of tries reaches the torque limits,
+        the factor of the last try is returned.
+
         Args:
             stretch: the motion of all robots.
         """
+        # A plan of all robots together, under the name of the first: it samples the motion at the times of checks.
         plan = Plan(self.robots[0], (stretch,), stretch.times[-1:], len(stretch.times))
         positions, velocities, accelerations = plan.motion(plan.looks)
         factor = 1.0
@@ -200,13 +214,14 @@ class Motors:
                 velocities[:, axes],
                 accelerations[:, axes],
             )
-            # Speeds fall with the factor, accelerations with its square.
+            # Speeds fall with the factor, accelerations with its square. Without a limit the ratio is 0.
             factor = max(factor, np.abs(motion.velocities / robot.speed_limits).max())
             factor = max(
                 factor, np.sqrt(np.abs(motion.accelerations / robot.model.accelerations).max())
             )
             motions.append(motion)
         # The torque has parts that do not fall with the factor, such as gravity: the excess is reduced step by step.
+        # A line is the torque of a motor as a function of its speed.
         has_lines = any(motion.robot.gains.line is not None for motion in motions)
         for _ in range(_TRIES_WITH_LINES if has_lines else _TRIES):
             excess = max(motion.torque_excess(factor) for motion in motions)
@@ -219,21 +234,24 @@ class Motors:
 def _average(law: Trajectory) -> _Law:
     r"""Replace each value of a law by its mean over a short time.
 
-    The mean at time t is :math:`\frac{1}{T} \int_{t-T}^{t} s(\tau)\,d\tau`, so that the law takes T longer.
+    The mean at time t is :math:`\frac{1}{T} \int_{t-T}^{t} s(\tau)\,d\tau`, so that the law takes T longer. T is
+    `_MEAN_TIME`, or less for a short law.
 
     Args:
-        law: the law, from 0 to 1.
+        law: the law, from 0 to 1, as a function of time with a single value.
     """
     end_time = law.end_time()
     mean_time = min(_MEAN_TIME, _LARGEST_MEAN * end_time)
     step = mean_time / (_SAMPLES * _FINE_SAMPLES)
-    # The robots rest before and after the law.
+    # The law is sampled finely, from T before it begins. The robots rest before and after it.
     fine_times = np.arange(-mean_time, end_time + mean_time + step, step)
     values = law.vector_values(np.clip(fine_times, 0.0, end_time).tolist())[0]
+    # Integral of the law up to each fine time: each sample counts until the next one.
     integral = np.append(0.0, np.cumsum(values)) * step
     integral_times = np.append(fine_times, fine_times[-1] + step)
+    # The averaged law has a sample for every `_FINE_SAMPLES` of these. Its mean is a difference of two integrals.
     duration = end_time + mean_time
-    count = int(np.ceil(duration / (_SAMPLES * step))) + 1
+    count = int(np.ceil(duration / (_FINE_SAMPLES * step))) + 1
     times = np.linspace(0.0, duration, count)
     until_now = np.interp(times, integral_times, integral)
     until_before = np.interp(times - mean_time, integral_times, integral)

@@ -3,6 +3,9 @@
 The changes of a program are on a timeline, which has a grid: equally spaced moments, at which changes happen. A run is
 cut into pieces at each change of settings or forces, and restarts its solver at each moment of the grid. So it can be
 repeated from any moment of the grid, with equal results to the last bit.
+
+A *setting* is a key of the station with its value. A *push* is a constant force for a while, a *drag* a spring that
+pulls a point of a body after a target. A change *drives* a robot if it gives commands to its walk.
 """
 
 from bisect import bisect_right
@@ -144,7 +147,7 @@ class Timeline:
         self.tell: Callable[[float, Moment], bool] = lambda time, moment: False
 
     def steps(self, time: float) -> int:
-        """Number of the moment of the grid that is nearest to a time [s]."""
+        """Number of the moment of the grid that is nearest to a time [s]; also the count of steps nearest to it."""
         return int(np.rint(time / self._step))
 
     def rounded_up(self, duration: float) -> float:
@@ -152,7 +155,7 @@ class Timeline:
         return self.time_of(int(np.ceil(duration / self._step - _GRID_ROUNDING)))
 
     def time_of(self, number: int) -> float:
-        """Time of a moment of the grid [s]."""
+        """Time of the moment of the grid with a number [s]; also the duration of so many steps."""
         # Multiples of a step such as 0.05 have rounding errors, which would show in times of signals.
         return round(number * self._step, 12)
 
@@ -166,7 +169,7 @@ class Timeline:
         now = self.steps(self.now)
         numbers = [self.steps(change.time) for change in self.changes]
         later_numbers = [number for number in numbers if number > now]
-        # Changes are in order of time, so the first one is the next.
+        # Changes are in order of time, so the first later one is the next. There may be none.
         next_number = min([*later_numbers[:1], self.steps(end)])
         return self.time_of(next_number - now)
 
@@ -189,12 +192,11 @@ class Timeline:
         return settings
 
     def station(self, config: StationConfig, duration: float) -> StationConfig:
-        """Configuration of a station with the changes that have happened until now.
+        """Configuration of a station for a run that begins now: with the settings that changes have made until now.
 
         Args:
             config: the station without changes.
-            duration: time [s] from now on, without further changes of settings. The station gets the pushes and drags
-                that act in this time.
+            duration: duration of the run [s]. The station gets the pushes and drags that act in this time.
 
         Raises:
             InvalidConfig: a change sets a wrong key or value.
@@ -225,9 +227,9 @@ class Timeline:
                     config.robots,
                 )
             if change.set is not None:
-                # Called for its errors: the changed station is not used.
+                # Called for its errors only.
                 with_settings(config, _for_robots(change.set, config), where)
-        # A time after the last begin, so that every push and drag is among the forces.
+        # From now to a time after the last change, every push and drag begins, so that all of them are checked.
         until_all_begin = self.changes[-1].time + 1.0 if self.changes else 0.0
         forces = self.forces(until_all_begin)
         if forces:
@@ -237,16 +239,24 @@ class Timeline:
                 force.check(f"changes[{number_text}].{force.kind}", station)
 
     def forces(self, duration: float) -> dict[str, ForceConfig]:
-        """Pushes and drags that act in a run of some duration [s] that begins now, with times since its beginning.
+        """Pushes and drags that act in a run that begins now, with times since its beginning.
 
-        Those that have begun earlier are cut. The name of each is ``push_`` or ``drag_`` with the number of its change.
+        Of those that have begun earlier, only the rest is returned: a shorter push, and the remaining targets of a
+        drag. A force that acts longer than the run is not cut at its end.
+
+        Args:
+            duration: duration of the run [s].
+
+        Returns:
+            The forces by their names: ``push_`` or ``drag_`` with the index of the change.
         """
+        # Numbers of the moments at which the run begins and ends.
         first = self.steps(self.now)
         last = self.steps(self.now + duration)
         forces = dict[str, ForceConfig]()
         for number, change in enumerate(self.changes):
             begin = self.steps(change.time)
-            # The change comes after this run.
+            # The change comes at the end of this run or later.
             if begin >= last:
                 continue
             # Time since the run began. It is negative for an earlier change, which may still act.
@@ -263,6 +273,7 @@ class Timeline:
                         at=push.at,
                         force=push.force,
                     )
+            # A drag has one target for each step: it acts for as many steps, from its change on.
             if change.drag is not None and begin + len(change.drag.targets) > first:
                 drag = change.drag
                 forces[f"drag_{number}"] = Drag(
@@ -270,19 +281,23 @@ class Timeline:
                     at=drag.at,
                     point=drag.point,
                     start=start,
-                    targets=drag.targets[max(first - begin, 0) :],  # one for each step
+                    # Without the targets of steps before the run.
+                    targets=drag.targets[max(first - begin, 0) :],
                     each=self._step,
                     stiffness=drag.stiffness,
                 )
         return forces
 
     def walk_drivers(self, config: StationConfig) -> dict[str, Driver]:
-        """Functions that give the commands of changes to the controllers that they drive, by the controller's name.
+        """Functions that give the commands of changes to controllers, by the controller's name.
 
-        These are the walks of a station, and other controllers whose commands consist of ``ahead``, ``left`` and
-        ``turn``. The functions are made for a run that begins now.
+        The controllers are the walks of a station, and others whose commands have no other numbers than ``ahead``,
+        ``left`` and ``turn``. The functions are made for a run that begins now, and take the time since then.
 
         ``Runner.run`` takes them as its commands. There are none if no change drives a robot.
+
+        Args:
+            config: the station, for its controllers.
         """
         if not any(change.drive for change in self.changes):
             return {}
@@ -290,6 +305,7 @@ class Timeline:
         for name, section in commanded_sections(config.controllers).items():
             numbers = [part.name for part in section.command_parts]
             if set(numbers) <= set(_DRIVE_NUMBERS):
+                # A controller that names no robot belongs to the only one.
                 robot = section.robot_name or config.only_robot
                 drivers[name] = partial(self._drive, robot, config.only_robot, numbers, self.now)
         return drivers
@@ -302,7 +318,7 @@ class Timeline:
         begin: float,
         time: float,
     ) -> Drive | None:
-        """Command to a robot's controller at a time of a run. Each command holds for times after its own time.
+        """Command of the changes to a robot's controller at a time of a run. Each holds for times after its own time.
 
         Args:
             robot: name of the robot.
@@ -312,9 +328,11 @@ class Timeline:
             time: time since the run began [s].
 
         Returns:
-            the last command until this time; None if there is none.
+            the last command before this time, with its numbers in the order of `numbers` [m/s or rad/s]; None if there
+            is none.
         """
         drive: Drive | None = None
+        # Changes are in order of time, and a later one replaces the commands of those before.
         for change in self.changes:
             if change.drive is None or (change.drive.at or only_robot) != robot:
                 continue
@@ -369,11 +387,15 @@ def following(
 def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str, Any]:
     """Extend settings of the station's servos to robots that have servo settings of their own.
 
-    Otherwise these robots would not follow a change such as ``servo.kp``. A setting that names the robot itself is
-    kept.
+    Otherwise these robots would not follow a change such as ``servo.kp``. A setting that names the robot itself comes
+    before that of the station.
+
+    Args:
+        settings: values of keys of the station, which are also in the result.
+        config: the station without these settings.
     """
     extended = dict(settings)
-    # a station file with `robot:` instead of `robots:`
+    # A station's file may have `robot:` instead of `robots:`. Then its keys begin with this name.
     has_single_section = list(config.robots) == [ONLY_ROBOT]
     for robot, entry in config.robots.items():
         section = ONLY_ROBOT if has_single_section else f"robots.{robot}"
@@ -391,7 +413,7 @@ USER = "user"  # name of the monitor that stops a run which its timeline has end
 
 
 class Timed(Protocol):
-    """A station that runs continue from its state, along a timeline."""
+    """A station whose runs continue from its state, along a timeline."""
 
     config: StationConfig
     state: State | None
@@ -411,12 +433,16 @@ def run_timed(
     """Run references on a station whose timeline has a grid, from the present state of the station.
 
     The run is a sequence of runs, each from one change to the next, whose results are joined. The attributes of the
-    station, with its state and time, are not changed.
+    station are the same afterwards, with its state and the time of its timeline: the caller takes over the final state.
+    Only the timeline may have further changes, which its callback `tell` added.
 
     Args:
         cell: the station.
         references: references of its robots, by name.
         duration: least duration of the run [s]; the run ends at a moment of the grid.
+
+    Returns:
+        The result. If the callback of the timeline ended the run, its ending is `monitor`, stopped by :data:`USER`.
 
     Raises:
         SimrobError: a change is not possible.
@@ -441,6 +467,7 @@ def run_timed(
         nonlocal is_ended_by_timeline
         change_count = len(line.changes)
         run_begin = line.now
+        # `moment.time` is the time since the present run began.
         if line.tell(run_begin + moment.time, moment):
             is_ended_by_timeline = True
         moment.play_forces(line.forces(end - run_begin))  # the callback may have changed them
@@ -449,10 +476,11 @@ def run_timed(
     try:
         # Even a duration of 0 needs one run, which gives the result.
         while not runs or (not is_ended_by_timeline and end - line.now > _TIME_ROUNDING):
-            part = line.time_to_next_change(end)
+            part = line.time_to_next_change(end)  # duration of this run [s]
             station = line.station(cell.config, part)
             runner = cell.runner_of(station)
-            # Only settings of references matter here, such as `reference.duration`.
+            # The references are made in the first round, and when settings of references have changed, such as
+            # `reference.duration`.
             settings = {
                 key: value
                 for key, value in line.settings().items()
@@ -471,6 +499,7 @@ def run_timed(
                 duration=part,
                 start=state,
                 commands=line.walk_drivers(station),
+                # The solver restarts, and the function is called, at each moment of the grid.
                 ticks=Ticks(line.grid or part, at_moment),
                 on_step=cell.on_step,
             )
@@ -496,7 +525,11 @@ def run_timed(
 
 
 def _marked_as_cut(runs: Sequence[SimulationResult]) -> list[SimulationResult]:
-    """Mark runs as parts of one motion, so that their verdicts take neither ends nor starts for those of the motion."""
+    """Make copies of runs that are marked as parts of one motion.
+
+    Otherwise their verdicts would take the ends and starts between them for the end and the start of the motion, at
+    which the robot has to rest.
+    """
     last = len(runs) - 1
     return [
         replace(run, is_continued=index < last, continues=index > 0)

@@ -3,6 +3,9 @@
 A *segment* is a path from rest to rest. Its law of time gives the part of the path that is covered at each time. The
 user may set the duration of the move, the times of its targets, or the speed of the tool, see :class:`How`. Without
 any of them the timing is *free*: the move takes a usual time, or longer if the joints need it.
+
+A *stretch* is a part of a motion: a spline of the axes over time. A segment *passes* its targets at parts of its path:
+its only target is at its end, but with zones it has several.
 """
 
 from collections.abc import Callable, Sequence
@@ -37,16 +40,22 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
 
     Args:
         robots: the robots that move. The axes of one robot follow those of the one before.
-        postures: postures on the line, shape (k, n) [rad or m].
+        postures: postures evenly spaced on the line, shape (k, n) [rad or m].
+
+    Returns:
+        The motion from rest to rest from the time 0 on, cut where the jerk of some axis changes.
 
     Raises:
-        InvalidParameter: a limit of an axis is not known, or the path is not straight in the axes.
+        InvalidParameter: the path is not straight in the axes, or no motion was found.
+        Unsuitable: a limit of an axis is not known.
+        SimrobError: Ruckig is not installed. The message has the command that installs it.
     """
     # Ruckig is an optional dependency: without it, the error names the extra that installs it.
     with importing_extra(message("programs.jerk_limited", "profile jerk_limited"), "plan"):
         from ruckig import InputParameter, Ruckig, Synchronization, Trajectory
     start = postures[0]
     end = postures[-1]
+    # Distance of each axis from its place on the line, which the postures divide evenly.
     parts = np.linspace(0.0, 1.0, len(postures))[:, np.newaxis]
     distances = np.abs(start + parts * (end - start) - postures)
     # Ruckig gets only the start and the end: it cannot follow a path that bends between them.
@@ -86,7 +95,7 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
                 message(
                     "programs.not_limited",
                     "jerk_limited needs a limit that {axis} does not have",
-                    axis=names[limits.argmax()],
+                    axis=names[limits.argmax()],  # the first infinite limit
                 ),
                 message("programs.limited_by", "set {where}", where=where),
             )
@@ -105,7 +114,8 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
                 result=result.name,
             ),
         )
-    # The jerk of some axis changes at these times. Between two of them the motion is a polynomial.
+    # The jerk of some axis changes at these times. Between two of them the motion is a polynomial. A profile of Ruckig
+    # has the durations of the phases of one axis with a constant jerk.
     changes = np.cumsum([[0.0, *profile.t] for profile in motion.profiles[0]], axis=1).ravel()
     breaks = np.unique(np.clip(changes, 0.0, motion.duration))
     # Axes change their jerk at nearly the same times. A spline over such a short part would be ill-conditioned.
@@ -118,8 +128,12 @@ def jerk_limited(robots: Sequence[StationRobot], postures: Vector) -> tuple[Stre
 
 
 def _ruckig_stretch(times: Vector, motion: Any) -> Stretch:
-    """Sample a trajectory of Ruckig at times (k,) [s]."""
-    samples = np.array([motion.at_time(time) for time in times])  # (k, 3, n)
+    """Sample a trajectory of Ruckig at times (k,) [s], and make a stretch through the samples.
+
+    The stretch has the trajectory's velocities and accelerations at both ends.
+    """
+    # Positions, velocities and accelerations of the axes at each time, shape (k, 3, n).
+    samples = np.array([motion.at_time(time) for time in times])
     positions, velocities, accelerations = samples.transpose(1, 0, 2)
     first = EndSlopes(velocities[0], accelerations[0])
     last = EndSlopes(velocities[-1], accelerations[-1])
@@ -212,13 +226,16 @@ def profile_of(how: How) -> Profile:
 
 
 def is_free(how: How) -> bool:
-    """Whether the user leaves the timing of a move to the planner."""
+    """Whether the user leaves the timing of a move to the planner: none of duration, times and speed is set.
+
+    A profile that takes the least time is not free, either. For errors of the options see :func:`profile_of`.
+    """
     is_set = not {"duration", "times", "speed"}.isdisjoint(how)
     return not is_set and profile_of(how) not in _LEAST_TIME_PROFILES
 
 
 def speed_of(how: How) -> float:
-    """Speed of a move that has one [m/s].
+    """Speed of a move that has one, from its options [m/s].
 
     Raises:
         InvalidParameter: it is not positive, or larger than that of any arm.
@@ -245,9 +262,11 @@ def plan_timed(
 ) -> Plan:
     """Plan a move along segments, with a rest at the end of each.
 
-    If the timing is free, the move takes as long as the joints need. If only a speed is set, the tool speeds up as fast
-    as the joints allow. With zones it keeps this speed past the corners, where less acceleration would only help by not
-    reaching the speed.
+    If the timing is free, the move takes the usual time, or longer if the joints need it. If a speed is set and no
+    acceleration, the tool speeds up as fast as the joints allow, at most by the default acceleration. With zones it
+    keeps its speed past the corners, where less acceleration would only help by not reaching the speed.
+
+    Whether the joints can follow in the time or with the speed that the user sets is not checked here.
 
     Args:
         robot: name of the robot.
@@ -258,7 +277,7 @@ def plan_timed(
         motors: function that prepares the motors of the robots. Only a profile that takes the least time needs them.
 
     Raises:
-        InvalidParameter: an option has an invalid value, see :func:`arrivals`.
+        SimrobError: an option has an invalid value, see :func:`profile_of` and :func:`arrivals`.
     """
     profile = profile_of(how)
     if profile in _LEAST_TIME_PROFILES:
@@ -275,14 +294,15 @@ def plan_timed(
     finds_acceleration = "speed" in how and "acceleration" not in how and profile != "smooth"
     if not finds_acceleration:
         return plan
-    # With zones, at least the acceleration that reaches the speed in the middle of the longest path.
+    # With zones, at least the acceleration that reaches the speed in the middle of the longest path: with the
+    # acceleration a, an S-curve over the length s reaches the speed sqrt(a s / LONGEST_RAMP) there.
     least = 0.0
     if "zone" in how:
         reaching = LONGEST_RAMP * how["speed"] * (how["speed"] / _speed_lengths(segments).max())
         least = min(acceleration, reaching)
     for _ in range(_TRIES):
-        # The acceleration of the tool and those of the joints are not proportional, since the postures change: try
-        # again.
+        # Largest ratio of a joint's acceleration to what is used of its limit. The acceleration of the tool and those
+        # of the joints are not proportional, since the postures change: try again.
         excess = rate_ratio(plan.trajectory, plan.looks, limits.accelerations, 2) / _USED_PART
         if excess <= 1:
             break
@@ -297,6 +317,8 @@ def through_all(
 ) -> Plan:
     """Plan a move smoothly through the ends of all segments, at rest only at the last.
 
+    Between the ends the axes follow a spline, not the paths of the segments: these only decide the times.
+
     Args:
         robot: name of the robot.
         segments: the segments, one after the other.
@@ -307,8 +329,9 @@ def through_all(
     Raises:
         InvalidParameter: an option has an invalid value, see :func:`arrivals`.
     """
-    # One spline leads through all targets. Its ends are at rest, its targets are not.
+    # If the timing is free, these times are a first guess, with which the axes may be too fast.
     times, is_time_free = arrivals(segments, how, points)
+    # One spline leads through all targets. Its ends are at rest, the targets between them are not.
     postures = np.array([segments[0].postures[0], *(segment.end for segment in segments)])
 
     def plan_at(times: Vector) -> Plan:
@@ -322,7 +345,7 @@ def through_all(
 
 
 def remedy(how: How, order: int, slower: float, duration: float) -> str:
-    """Advice for a move that exceeds a limit.
+    """Advice for a move that exceeds a limit: a value for the option that the user has set, or else a duration.
 
     Args:
         how: options of the move.
@@ -330,7 +353,7 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
         slower: factor by which the move would have to take longer.
         duration: duration that it would then have [s].
     """
-    # Accelerations grow with the square of the speed, and the user has set this one.
+    # The user has set the acceleration of the tool. In a move that takes k times as long it is k² times smaller.
     if order == 2 and "acceleration" in how:
         return message(
             "programs.give_acceleration",
@@ -353,12 +376,16 @@ def remedy(how: How, order: int, slower: float, duration: float) -> str:
 
 
 def _needed_slowdown(plan: Plan, limits: RateLimits) -> float:
-    """Compute the factor by which a plan has to take longer so that it keeps well within the limits.
+    """Compute the factor by which a plan has to take longer so that it uses at most 98 % of the limits.
 
     It is less than 1 if the plan could be faster.
+
+    Args:
+        plan: the plan.
+        limits: limits of speed and acceleration of its axes.
     """
     factors = []
-    for order, limit in enumerate(limits, start=1):
+    for order, limit in enumerate(limits, start=1):  # 1 for speeds, 2 for accelerations
         ratio = rate_ratio(plan.trajectory, plan.looks, limit, order)
         # Speeds fall with the factor, accelerations with its square.
         factors.append(ratio ** (1 / order))
@@ -378,7 +405,7 @@ def _plan_by_laws(
     """
     stretches = list[Stretch]()
     target_times = list[float]()
-    begin = 0.0
+    begin = 0.0  # time at which the segment begins [s]
     for segment, law in zip(segments, laws, strict=True):
         stretches += [stretch.at(begin) for stretch in by_law(segment.parts, segment.postures, law)]
         target_times += (begin + law.times_of(segment.passes)).tolist()
@@ -397,6 +424,11 @@ def _plan_in_least_time(
         how: options of the move.
         points: count of points on the way to each target.
         motors: the motors of the robots.
+
+    Raises:
+        InvalidParameter: an option has an invalid value, the motors could not even hold the robots on the path, or it
+            is not straight in the axes, as the profile `jerk_limited` needs it.
+        Unsuitable: a limit of an axis is not known.
     """
     profile = profile_of(how)
     speed = speed_of(how) if "speed" in how else None
@@ -404,22 +436,22 @@ def _plan_in_least_time(
     target_times = list[float]()
     begin = 0.0
     for segment in segments:
-        # The motion of this segment, and the times at which it passes its targets.
-        own: tuple[Stretch, ...]
+        # The motion of this segment, and the times `passes` at which it passes its targets.
+        own_stretches: tuple[Stretch, ...]
         # A segment without motion has no fastest law of time. It takes the least time to a target.
         if np.ptp(segment.postures, axis=0).max() < _STAYS:
-            own = (rest(segment.end, 0.0, _LEAST_TIME),)
+            own_stretches = (rest(segment.end, 0.0, _LEAST_TIME),)
             passes = np.full(len(segment.passes), _LEAST_TIME)
         elif profile == "jerk_limited":
-            own = jerk_limited(motors.station_robots, segment.postures)
-            passes = own[-1].times[-1:]
+            own_stretches = jerk_limited(motors.station_robots, segment.postures)
+            passes = own_stretches[-1].times[-1:]
         else:
             fastest = motors.fastest(segment, speed)
-            own = (fastest.stretch,)
+            own_stretches = (fastest.stretch,)
             passes = fastest.passes
-        stretches += [stretch.at(begin) for stretch in own]
+        stretches += [stretch.at(begin) for stretch in own_stretches]
         target_times += (begin + passes).tolist()
-        begin += float(own[-1].times[-1])
+        begin += float(own_stretches[-1].times[-1])
     return Plan(robot, tuple(stretches), np.array(target_times), points)
 
 
@@ -442,7 +474,11 @@ def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: floa
         segments: the segments.
         how: options of the move.
         points: count of points on the way to each target.
-        acceleration: acceleration of the tool up to its speed [m/s²].
+        acceleration: acceleration of the tool up to its speed [m/s²]. It has no effect without a speed, nor for the
+            profile `smooth`.
+
+    Raises:
+        InvalidParameter: an option has an invalid value, see :func:`arrivals`.
     """
     profile = profile_of(how)
     arrival = arrivals(segments, how, points)
@@ -452,7 +488,8 @@ def _laws(segments: Sequence[Segment], how: How, points: int, acceleration: floa
     if "speed" not in how:
         laws = [cruise_in(duration, rounded=profile == "s_curve") for duration in durations]
         return _SegmentLaws(laws, arrival.is_free)
-    # A law goes from 0 to 1: speed and acceleration are divided by the length of the path.
+    # A law goes from 0 to 1: speed and acceleration are divided by the length of the path. If the jerk is None,
+    # `cruise` chooses one, which gives an S curve; an infinite jerk gives a trapezoid.
     jerk = None if profile == "s_curve" else np.inf
     speed = speed_of(how)
     laws = []
@@ -476,7 +513,9 @@ class Arrivals(NamedTuple):
 
 
 def arrivals(segments: Sequence[Segment], how: How, points: int) -> Arrivals:
-    """Determine the times at which segments end whose law is smooth.
+    """Determine the times at which segments end, if each follows a smooth law.
+
+    A free timing takes a usual time for each point of each target.
 
     Args:
         segments: the segments.
@@ -505,7 +544,7 @@ def arrivals(segments: Sequence[Segment], how: How, points: int) -> Arrivals:
         times = seconds(how["duration"]) * np.cumsum(shares) / shares.sum()
         return Arrivals(_check_times(times, "duration", how["duration"]), False)
     if "speed" in how:
-        # The largest speed of a smooth law is PEAK times its mean.
+        # The largest speed of a smooth law is PEAK times its mean: the set speed is the largest one.
         speed = speed_of(how)
         times = np.cumsum(np.maximum(PEAK * (_speed_lengths(segments) / speed), _LEAST_TIME))
         return Arrivals(_check_times(times, "speed", how["speed"]), False)
@@ -520,7 +559,7 @@ def _lengths(segments: Sequence[Segment]) -> Vector:
 
 
 def _turns(segments: Sequence[Segment]) -> Vector:
-    """Length of the path of the axis that moves most on each segment, shape (k,) [rad or m]."""
+    """Largest length of the path of an axis on each segment, shape (k,) [rad or m]."""
     return np.array(
         [np.abs(np.diff(segment.postures, axis=0)).sum(axis=0).max() for segment in segments]
     )
@@ -529,7 +568,8 @@ def _turns(segments: Sequence[Segment]) -> Vector:
 def _speed_lengths(segments: Sequence[Segment]) -> Vector:
     """Length of the path of each segment to which a speed applies, shape (k,) [m].
 
-    It is the path of the tool. If the tool only turns, it is the turn of the joints.
+    It is the length of the tool's path. If the tool does not move or only turns, it is the turn of the joint that turns
+    most, where a radian counts 0.1 m.
     """
     lengths = _lengths(segments)
     return np.where(lengths < _LEAST_LENGTH, _TURN_LENGTH * _turns(segments), lengths)
@@ -537,6 +577,10 @@ def _speed_lengths(segments: Sequence[Segment]) -> Vector:
 
 def _user_times(times: npt.ArrayLike, count: int) -> Vector:
     """Read the times of a user, one for each of a count of targets, shape (count,) [s].
+
+    Args:
+        times: the times as the user gave them [s]. For one target it may be a number.
+        count: count of targets.
 
     Raises:
         InvalidParameter: they are no numbers, of another count, or not in ascending order.

@@ -1,7 +1,8 @@
 """Torques of a planned move against what the motors of its robots give, before anything moves.
 
 A plan is a motion of one robot, or of several that move together. At a fraction s of its speed, its torques are those
-of gravity plus s² times those of the motion; at s = 0 the robots are held still along the path.
+of gravity plus s² times those of the motion; at s = 0 the robots are held still along the path. A *share* is a torque
+over the largest torque that the motor can give; the motor may give less the faster it turns (its *line*).
 """
 
 import warnings
@@ -30,7 +31,8 @@ def slowed_for_motors(motors: Motors, plan: Plan) -> Plan:
     """Slow a plan of one or more robots down until their motors give its torques.
 
     The plan is returned as it is if it is not too fast, if the station is kinematic, so that no motor is simulated, or
-    if the motors could not even hold the robots along the path: then `check_torques` refuses the plan.
+    if the motors could not even hold the robots along the path: then `check_torques` refuses the plan. After the
+    largest count of tries, the plan may still need a little more than the motors give.
 
     Args:
         motors: motors of the robots that move together, in the order of the plan's axes.
@@ -50,7 +52,7 @@ def slowed_for_motors(motors: Motors, plan: Plan) -> Plan:
 
 
 def slower(plan: Plan, factor: float) -> Plan:
-    """Plan along the same path that takes ``factor`` times as long."""
+    """Make a copy of a plan along the same path that takes ``factor`` times as long."""
     stretches = tuple(stretch.at(0.0, factor) for stretch in plan.stretches)
     return replace(plan, stretches=stretches, arrivals=plan.arrivals * factor)
 
@@ -74,15 +76,16 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
     """
     if not motors.model.config.engine.moves_by_forces:
         return
-    own = motors.model.robots[robot]
-    limits = own.gains.limit_at_rest
+    station_robot = motors.model.robots[robot]
+    limits = station_robot.gains.limit_at_rest  # of each motor [N·m or N]
     # First the torques that hold the robot still, then those of the motion.
     for speed in (0.0, 1.0):
         torques, speeds, shares = _loads(motors, robot, plan, speed)
+        # The time and the axis of the largest share.
         row, axis = np.unravel_index(int(shares.argmax()), shares.shape)
         if shares[row, axis] <= _FULL:
             continue
-        unit = own.model.effort_units[axis]
+        unit = station_robot.model.effort_units[axis]
         needed = compound("{torques:.4g} {unit}", torques=abs(torques[row, axis]), unit=unit)
         maximum = message(
             "programs.limit_of_motor",
@@ -90,9 +93,11 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
             limit=limits[axis],
             unit=unit,
         )
-        if own.gains.line is not None:
+        # Limits at the speeds of the axes at this time: the lower ones for negative torques, else the upper ones.
+        if station_robot.gains.line is not None:
             at_speed = np.where(
-                torques[row] < 0.0, *own.gains.line.bounds(speeds[row], own.gains.torque_limit)
+                torques[row] < 0.0,
+                *station_robot.gains.line.bounds(speeds[row], station_robot.gains.torque_limit),
             )
             maximum += message(
                 "programs.limit_at_speed",
@@ -100,12 +105,12 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
                 torque=abs(at_speed[axis]),
                 unit=unit,
             )
-        time = float(plan.looks[row])
+        time = float(plan.looks[row])  # `_loads` has one row for each of these times
         point = plan.point_at(time)
         if speed == 0.0:
             raise TorqueLimitExceeded(
                 point.name,
-                own.axes[axis],
+                station_robot.axes[axis],
                 point=point.number,
                 time=time,
                 torque=float(torques[row, axis]),
@@ -119,7 +124,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
         # The motion itself is possible, only not in the time that the user wants: a warning is enough.
         factor = slower_factor(motors, plan)
         advice = remedy(factor, factor * plan.duration)
-        subject = compound("{point}: {axes}", point=point.name, axes=own.axes[axis])
+        subject = compound("{point}: {axes}", point=point.name, axes=station_robot.axes[axis])
         text = message(
             "programs.would_lag_behind",
             "{subject} would need {needed} at {time:.2f} s, and {maximum}, so that it lags behind",
@@ -139,7 +144,7 @@ def slower_factor(motors: Motors, plan: Plan) -> float:
 
 
 def _needs_too_much(motors: Motors, plan: Plan, speed: float) -> bool:
-    """Whether a plan, run at a fraction of its speed, needs more torque than the motors give."""
+    """Whether a plan, run at a fraction of its speed, needs more torque than the motors of its robots give."""
     return _largest_share(motors, plan, speed) > _FULL
 
 
@@ -154,8 +159,8 @@ def _largest_share(motors: Motors, plan: Plan, speed: float) -> float:
     largest = 0.0
     first_axis = 0  # index of the robot's first axis among the axes of the plan
     for robot in motors.robots:
-        own = motors.model.robots[robot]
-        axes = slice(first_axis, first_axis + len(own.axes))
+        station_robot = motors.model.robots[robot]
+        axes = slice(first_axis, first_axis + len(station_robot.axes))
         first_axis = axes.stop
         own_plan = plan if len(motors.robots) == 1 else plan.of_axes(robot, axes)
         largest = max(largest, float(_loads(motors, robot, own_plan, speed).shares.max()))
@@ -174,6 +179,12 @@ def _loads(motors: Motors, robot: str, plan: Plan, speed: float) -> _Loads:
     """Loads of the motors of one robot, at the times `plan.looks` of its plan that is run at a fraction of its speed.
 
     The torques and shares of fingers are 0: fingers press on what they hold, with a force that no plan determines.
+
+    Args:
+        motors: motors of the robot, perhaps among those of others.
+        robot: name of the robot.
+        plan: plan of this robot alone.
+        speed: fraction of the plan's speed, from 0 to 1.
     """
     motion = plan.motion(plan.looks)
     dynamics = motors.model.dynamics(robot)
@@ -184,9 +195,9 @@ def _loads(motors: Motors, robot: str, plan: Plan, speed: float) -> _Loads:
         torques = dynamics.gravity(motion.positions)
     else:
         torques = inverse_dynamics(motion.positions, speeds, speed**2 * motion.accelerations)
-    own = motors.model.robots[robot]
-    fingers = list(own.model.fingers)  # indices of axes
+    station_robot = motors.model.robots[robot]
+    fingers = list(station_robot.model.fingers)  # indices of axes
     torques[:, fingers] = 0.0
-    shares = own.gains.torque_shares(torques, speeds)
+    shares = station_robot.gains.torque_shares(torques, speeds)
     shares[:, fingers] = 0.0
     return _Loads(torques, speeds, shares)

@@ -13,10 +13,10 @@ from simrob_drake.stations.config import StationConfig
 
 
 def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResult:
-    """Run a program on a station, and join its runs to one result.
+    """Run a program on a station from its present state, and join its runs to one result.
 
     Args:
-        cell: the station.
+        cell: the station, which is in the final state afterwards.
         program: the program.
         file: file of the program, which is then read again, so that messages name it. It is empty if there is none.
 
@@ -30,6 +30,7 @@ def perform(cell: Workcell, program: Program, file: str = "") -> SimulationResul
     robot = LeggedRobot(cell, program.robot)
     start = (cell.config, cell.state)
     robot.run(source)
+    # The result is saved with the station in which it began, so its program refers to that file.
     text = program.on(STATION).text()
     # A program that only plays the station's references has no moves that a user could know by their numbers.
     is_named = not program.plays_references
@@ -63,7 +64,13 @@ def run_whole(config: StationConfig) -> SimulationResult:
 
 
 def of_arms(cell: Workcell, program: Program) -> bool:
-    """Whether arms perform a program: it has a move for arms, or its robots have no legs."""
+    """Whether arms perform a program: it has a move for arms, or none of its robots has legs.
+
+    Its robots are the one that it names, or all robots of the station. A program with references is never for arms.
+
+    Raises:
+        UnknownName: the station has no robot of the program's name.
+    """
     # Only robots with legs go through references here. Arms have their own method for it.
     if program.references:
         return False
@@ -72,5 +79,8 @@ def of_arms(cell: Workcell, program: Program) -> bool:
 
 
 def goes_on_legs(model: RobotModel, program: Program) -> bool:
-    """Whether a :class:`~simrob_drake.LeggedRobot` performs a program, not the arms of a workcell."""
+    """Whether a robot has legs, and all moves of a program are possible for robots with legs.
+
+    Then a :class:`~simrob_drake.LeggedRobot` performs the program, not the arms of a workcell.
+    """
     return not model.is_arm and all(move.of_legs for move in program.moves)

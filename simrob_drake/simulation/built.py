@@ -1,4 +1,8 @@
-"""The diagrams of a station: built when they are needed, and used again for other references and pushes."""
+"""The diagrams of a station: built when they are needed, and used again for other references and pushes.
+
+A diagram *plays* references and forces: its sources get them for a run, without being built anew. ``cenic`` is a scheme
+of Drake that holds inputs constant over a step.
+"""
 
 from bisect import bisect_right
 from collections.abc import Callable, Mapping, Sequence
@@ -72,7 +76,8 @@ class StationDiagrams:
     def fits(self, references: Mapping[str, Reference]) -> bool:
         """Whether the sources of the diagrams can play these references.
 
-        The source of a trajectory can play any trajectory, and that of a sine only this sine.
+        The source of a trajectory can play any trajectory, and that of a sine only this sine. The player key of a
+        reference names its kind of source.
 
         Args:
             references: reference of each robot, by the robot's name.
@@ -87,7 +92,7 @@ class StationDiagrams:
 
         Args:
             references: reference of each robot, by the robot's name; they must fit, see :meth:`fits`.
-            forces: forces by name, at the places of those before.
+            forces: forces by name, of the same kinds and on the same bodies as those before.
         """
         self.references = dict(references)
         self.forces = dict(forces)
@@ -102,7 +107,10 @@ class StationDiagrams:
         self._play(nothing, {})
 
     def _play(self, references: Mapping[str, Reference], forces: Mapping[str, ForceConfig]) -> None:
-        """Give references and forces to the diagrams that are built already; others get them when they are built."""
+        """Give references and forces to the diagrams that are built already.
+
+        Others get those of the attributes `references` and `forces` when they are built.
+        """
         for name in ("whole", "_lean", "_lean_without_forces"):
             # A cached property is among the object's attributes once it has been computed. Asking for it in any other
             # way would build the diagram.
@@ -125,7 +133,10 @@ class StationDiagrams:
         return sorted(times)
 
     def diagram_at(self, time: float) -> ClosedStation:
-        """Return the diagram that is stepped from a time on [s], up to the next edge."""
+        """Return the diagram that is stepped from a time on [s], up to the next of :attr:`edges`.
+
+        It is the diagram with the fewest blocks that gives the same motion.
+        """
         # A block of the user's own can be in one diagram only.
         if self._blocks or self._steps_whole:
             return self.whole
@@ -167,7 +178,7 @@ class StationDiagrams:
 
         Args:
             sensors: names of the sensors that it has.
-            has_forces: whether it has the blocks of forces.
+            has_forces: whether it has the blocks of forces, such as pushes.
         """
         diagram = closed_station(
             self._station,
@@ -247,7 +258,7 @@ class CommandRelay:
         """Call the functions for commands, and pass on the commands that have changed.
 
         At the start of the run no function is called: the first sample of a controller is not yet taken, and would
-        drop the command.
+        drop the command. Commands that are passed on are also kept, for :attr:`commands`.
 
         Args:
             diagram: the diagram that is stepped.
@@ -281,7 +292,7 @@ class CommandRelay:
         """Copy a configuration with the commands of this run in its controllers, so that its run repeats this one.
 
         Args:
-            config: configuration of the station of this run.
+            config: configuration of the station of this run. It is returned as it is if there were no commands.
         """
         if not self._commands:
             return config
@@ -305,7 +316,7 @@ def functions_of(commands: Mapping[str, Sequence[TimedCommand]]) -> CommandFunct
     """
 
     def function_of(entries: Sequence[TimedCommand]) -> Callable[[float], Sequence[float] | None]:
-        """Make the function of one controller."""
+        """Make the function of one controller from its commands, in the order of their times."""
 
         def latest_command(time: float) -> Sequence[float] | None:
             """Values of the last command up to a time [s], or None before the first command."""

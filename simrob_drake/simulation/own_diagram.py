@@ -1,4 +1,8 @@
-"""Run a Diagram of the user's own that contains a station."""
+"""Run a Diagram of the user's own that contains a station.
+
+The *ports* of a station are its inputs, its outputs and its state in a diagram. A *root* is the context of the whole
+diagram. A *context* of Drake has time, state and parameters of a system.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -74,7 +78,8 @@ def simulate_diagram(
     # The whole diagram of the user takes the place of the diagram that a Runner would build.
     built = ClosedStation(diagram, ports)
     root = _context_at_begin(diagram, ports, context=context, start=start, start_time=start_time)
-    # A context at rest is the usual start of a run, for which the solver chooses its first steps as usual.
+    # A context at rest is the usual start of a run, for which the solver chooses its first steps as usual. Otherwise
+    # the first step may be long, as in a run that continues another one.
     begins_in_motion = start is not None or (context is not None and _is_moving(ports, root))
     has_start = context is not None or start is not None
     # The state is copied now, because the run advances the context.
@@ -94,7 +99,11 @@ def simulate_diagram(
 
 
 def _check_diagram(diagram: Diagram, ports: StationPorts) -> None:
-    """Check the diagram of a run, and that it contains the station; raises InvalidParameter if it does not."""
+    """Check the diagram of a run, and that it contains the station of the ports.
+
+    Raises:
+        InvalidParameter: a value is no diagram or no ports, or the station is in another diagram.
+    """
     expected = message(
         "simulation.diagram_with_station", "a Diagram of Drake that contains a station"
     )
@@ -136,7 +145,8 @@ def _systems(diagram: Diagram) -> Iterator[System]:
 def _own_blocks(diagram: Diagram, prefix: str = "") -> dict[str, LeafSystem]:
     """Blocks in a diagram, and in diagrams within it, whose classes are the user's own, by name.
 
-    The name of a block in an inner diagram begins with the names of the diagrams around it, as in ``box::filter``.
+    These are classes from other packages than Drake and this one. The name of a block in an inner diagram begins with
+    the names of the diagrams around it, as in ``box::filter``.
 
     Args:
         diagram: the diagram.
@@ -167,7 +177,10 @@ def _context_at_begin(
         ports: ports of the station in it.
         context: the user's context; None if there is none.
         start: the user's state; None if there is none.
-        start_time: ``keep`` or ``zero``, as in :func:`simulate_diagram`.
+        start_time: ``keep`` or ``zero``, as in :func:`simulate_diagram`. It has no effect on a context.
+
+    Returns:
+        The context of the user itself, which the run advances, or a new one.
 
     Raises:
         InvalidParameter: there are a context and a state, or one that does not fit the diagram, or no time to keep.
@@ -206,7 +219,11 @@ def _context_at_begin(
 
 
 def _check_context(diagram: Diagram, context: Context) -> None:
-    """Check the user's context; raises InvalidParameter: it is no Context of Drake, or that of another system."""
+    """Check the user's context.
+
+    Raises:
+        InvalidParameter: the value is no Context of Drake, or that of another system.
+    """
     expected = message(
         "simulation.context_of_diagram",
         "a Context of the diagram, such as diagram.CreateDefaultContext() returns, or "
@@ -222,7 +239,7 @@ def _check_context(diagram: Diagram, context: Context) -> None:
 
 
 def _is_moving(ports: StationPorts, context: Context) -> bool:
-    """Whether any joint of a station has a velocity in ``context``, a context of the root diagram."""
+    """Whether any axis of a station's robots has a velocity in ``context``, a context of the whole diagram."""
     velocities = [
         ports.outputs.value(f"{robot.prefix}velocity", context)
         for robot in ports.plant.robots.values()
@@ -237,8 +254,8 @@ def _with_signals(
 
     Args:
         diagram: the diagram of the run.
-        ports: ports of the station, which stay as they are.
-        signals: the outputs by their names in the result; None if there are none.
+        ports: ports of the station, which stay as they are. They are returned if there are no signals.
+        signals: the outputs by their names in the result, ``<block>.<output>``; None if there are none.
 
     Raises:
         InvalidParameter: a name has another form or is taken, or a port is none of a vector in the diagram.
@@ -253,7 +270,8 @@ def _with_signals(
     extended = replace(ports, outputs=ports.outputs.make_copy())
     for name, port in signals.items():
         place = message("simulation.signal_called", "signals: {name}", name=name)
-        # Both the part before the last dot and the part behind it have at least one letter.
+        # Both the part before the last dot and the part behind it have at least one letter. The slice leaves out the
+        # dot itself, the second of the three parts.
         is_name = isinstance(name, str) and all(name.rpartition(".")[::2])
         if not is_name:
             example = message(

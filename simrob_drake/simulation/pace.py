@@ -5,7 +5,8 @@ if the run is slow. `Slow` then finds the cause by *trials*: it copies the state
 fraction of a second with one suspect removed, such as a contact. A trial that gets much further in this time shows the
 cause. `Flight` limits the steps of the scheme ``cenic`` while a body touches nothing.
 
-Times of a run are simulated time; times by a clock are wall-clock time. Both are in seconds.
+Times of a run are simulated time; times by a clock are wall-clock time. Both are in seconds. ``cenic`` is a scheme of
+Drake that chooses the length of its steps and takes long ones in contact.
 """
 
 import warnings
@@ -108,8 +109,8 @@ class Slow:
     own_blocks: bool
 
     def cause(self) -> str:
-        """Find what makes the run slow. Returns the cause and the remedy, in words."""
-        # None means that the solver has steps of a fixed length.
+        """Find what makes the run slow. Returns the cause and the remedy, in words. Trials take up to some seconds."""
+        # Settings of the solver if it chooses the length of its steps; None if they have a fixed length.
         solver = controlled_by(self.config)
         # Steps of a fixed length, or long ones: the run is slow because each step takes long.
         if solver is None or self.step > _SHORT * solver.max_step:
@@ -129,6 +130,7 @@ class Slow:
                 pair=join_texts(sorted(pair), message("base.and", " and ")),
             )
         else:
+            # The stiffest spring or servo in words, or an empty text if there is none.
             plant = self.built.ports.plant
             spring = stiffest(self.config, plant, plant.plant.GetMyContextFromRoot(self.context))
             problem = message(
@@ -154,13 +156,15 @@ class Slow:
         )
 
     def _blamed_pair(self) -> Pair | None:
-        """Find the two bodies whose contact makes the run slow. Returns None if no contact does."""
+        """Find the two bodies whose contact makes the run slow. Returns None if no contact does.
+
+        If no trials are possible, because of blocks of the user's own, any two bodies that touch are returned.
+        """
         if self.config.contact is None:
             return None
-        # No trials are possible: any contact is suspect.
         if self.own_blocks:
             return next(iter(self._touching_pairs(self.context)), None)
-        # Count of the steps of a trial in which each pair touches.
+        # A first trial with all contacts, in which the steps are counted in which each pair touches.
         counts = Counter[Pair]()
         baseline = self._distance_reached(
             (), lambda context: counts.update(self._touching_pairs(context))
@@ -173,7 +177,7 @@ class Slow:
         return max(reached, key=reached.__getitem__)
 
     def _touching_pairs(self, root: Context) -> set[Pair]:
-        """Pairs of bodies that overlap in a context of the diagram."""
+        """Pairs of bodies that overlap in a context of the diagram, by the names of the bodies."""
         plant = self.built.ports.plant
         touching = set()
         for pair in plant.query(root).ComputePointPairPenetration():
@@ -187,8 +191,8 @@ class Slow:
         """Measure how far a trial gets in which some pairs of bodies pass through each other [s of simulated time].
 
         Args:
-            without: the pairs.
-            look: callback after each step of the trial.
+            without: the pairs; if it is empty, all contacts stay.
+            look: callback after each step of the trial, with the context of the diagram.
         """
         plant = self.built.ports.plant
         # The collision filters are in the copied context, so they do not change the run.
@@ -207,7 +211,11 @@ class Slow:
         return _time_reached(Simulator(self.built.diagram, root), self.config, self.step, look)
 
     def _with_trial(self, remedy: FasterStation) -> str:
-        """Text of a remedy, with the pace of a trial of the station that has its settings, if a trial is possible."""
+        """Text of a remedy, with the pace of a trial of the station that has its settings, if a trial is possible.
+
+        Args:
+            remedy: the remedy, with the changed station.
+        """
         if self.own_blocks:
             return remedy.text
         # The settings may be impossible for this station. The remedy is then shown without a trial.
@@ -232,6 +240,8 @@ class Slow:
     def _largest_expense(self, controlled: ContinuousSolver | None) -> str:
         """Find the part that takes most of the time of each step. Returns the end of a sentence, with a remedy.
 
+        If no part takes more than half of the time, the remedy is longer steps.
+
         Args:
             controlled: solver of the station if it chooses the length of its steps; None otherwise.
         """
@@ -255,7 +265,7 @@ class Slow:
         )
 
     def _expenses(self) -> list[Expense]:
-        """Measure the costs of finding contacts, and of each block that samples, such as a camera."""
+        """Measure the costs of finding contacts, if there are any, and of each block that samples, such as a camera."""
         expenses = []
         if self.config.contact is not None and self.config.engine.moves_by_forces:
             has_surfaces = self.config.contact.model != "point"
@@ -289,7 +299,7 @@ class Slow:
         """Compute the contacts once, to measure its cost.
 
         Args:
-            root: a context of the diagram.
+            root: a context of the diagram. Its cache is cleared.
             surfaces: whether to compute hydroelastic surfaces instead of points.
         """
         plant = self.built.ports.plant
@@ -317,7 +327,7 @@ def _time_reached(
         simulator: the simulator, with the state from which it starts.
         config: configuration of the station, whose solver is applied.
         step: length of the first step [s], if the solver chooses the length of its steps.
-        look: callback after each step.
+        look: callback after each step, with the context of the diagram.
     """
     set_solver(simulator, config)
     begin = simulator.get_context().get_time()
@@ -343,14 +353,19 @@ def _time_reached(
 
 
 def _sample(block: SampledBlock, root: Context) -> None:
-    """Evaluate the sampling of a block once, to measure its cost. The time of the context is changed."""
+    """Evaluate the sampling of a block once, to measure its cost.
+
+    Args:
+        block: the block, such as a camera.
+        root: a context of the diagram. Its time is changed by the smallest possible amount.
+    """
     # Another time clears Drake's cache. The next number of float64 changes nothing else.
     root.SetTime(nextafter(root.get_time(), inf))
     block.EvalUniquePeriodicDiscreteUpdate(block.GetMyContextFromRoot(root))
 
 
 def _seconds(work: Callable[[], object]) -> float:
-    """Measure how long a function takes: the shortest of three times, by a clock [s]."""
+    """Measure how long a function takes: the shortest duration of three calls, by a clock [s]."""
     times = []
     for _ in range(_LOOKS):
         begin = perf_counter()
@@ -371,7 +386,10 @@ def _cenic(config: StationConfig) -> FasterStation:
 
 
 def _discrete(config: StationConfig) -> FasterStation:
-    """Remedy: a discrete solver, with servos that are evaluated implicitly within its steps."""
+    """Remedy: a discrete solver, with servos that are evaluated implicitly within its steps.
+
+    The servos of the station are changed, and those of robots that have servo settings of their own.
+    """
     implicit = {"realization": "implicit"}
     robots = {}
     for name, robot in config.robots.items():
@@ -420,6 +438,8 @@ class SlowRunWarning(RuntimeWarning):
 
 def creeping(config: StationConfig, times: Sequence[float], end: float) -> str:
     """Describe that a run creeps, in words. Returns an empty text if it does not.
+
+    A run does not creep if its solver has steps of a fixed length, or before it has made a hundred steps.
 
     Args:
         config: configuration of the station.
@@ -473,7 +493,8 @@ class PaceWatch:
             config: configuration of the station.
             built: returns the diagram that is stepped now.
             own_blocks: whether there are blocks of the user's own.
-            show: shows the progress: it is called with the time since ``begin`` [s] and a remark. None to show nothing.
+            show: shows the progress: it is called with the time since ``begin`` [s] and a remark, which is empty unless
+                the run creeps. None to show nothing.
             begin: start of the run [s].
             end: planned end of the run [s]; None if it is the configuration's duration.
         """
@@ -499,7 +520,13 @@ class PaceWatch:
         self._steps = 0
 
     def __call__(self, context: Context) -> None:
-        """Evaluate the step that has just ended. The first call is the start of the run, which is no step."""
+        """Evaluate the step that has just ended: show the progress, and warn once if the run is slow.
+
+        The first call is the start of the run, which is no step.
+
+        Args:
+            context: context of the diagram that is stepped.
+        """
         time = context.get_time()
         if not self._ends:
             self._clocks = _Clocks(monotonic(), process_time())
@@ -532,6 +559,7 @@ class PaceWatch:
         rate: str = message(
             "simulation.times_real_time", "{rate:.2g} × real time", rate=advanced / self._wall_time
         )
+        # The pace that the run would have on a whole processor.
         rate_alone = advanced / self._processor_time if self._processor_time > 0 else np.inf
         is_machine_busy = share < _BUSY
         if is_machine_busy:
@@ -560,7 +588,8 @@ class PaceWatch:
 
     def _count_step(self) -> None:
         """Count a step and, about every 20 ms, add the elapsed times to those of the period unless it was a pause."""
-        # Steps are counted always. The clocks are read seldom: reading them takes as long as a step of a small station.
+        # Steps are counted always. The processor's time is read seldom: reading it takes as long as a step of a small
+        # station.
         self._steps += 1
         now = monotonic()
         if now - self._clocks.wall < _OFTEN:
@@ -642,7 +671,7 @@ class Flight:
         """The last checks, in order, for a run that continues this one."""
 
     def resume(self, check: FlightCheck) -> None:
-        """Continue after a check of another run.
+        """Continue after a check of another run: take over its result, and the limits of the steps that follow from it.
 
         Args:
             check: the check, at the step from which the run continues.
@@ -690,6 +719,7 @@ class Flight:
         """
         time = root.get_time()
         last_time = self._last_time
+        # Vertical velocities of the floating bodies, upward, shape (k,) [m/s].
         speeds = self._plant.GetVelocities(self._plant.GetMyContextFromRoot(root))[
             self._vertical_velocities
         ]
@@ -704,7 +734,8 @@ class Flight:
     def _is_one_free(self, root: Context) -> bool:
         """Whether a floating body touches nothing but itself.
 
-        At the start, a body that is just above another one counts as touching it.
+        At the start, a body that is just above another one counts as touching it. Without any collision shapes the
+        answer is True.
         """
         plant = self._plant
         context = plant.GetMyMutableContextFromRoot(root)

@@ -4,6 +4,9 @@ The end of a run cuts the last step of the solver short. A run that was not stop
 that continues another one begins some recorded steps before the end, steps again up to there, and goes on. A solver may
 also keep values from step to step that belong to no state, such as the length of the next step. It finds them again
 within the repeated steps: `RepeatedSteps` compares these with the recorded ones, to the last bit.
+
+The *trace* of a run has its recorded states, its *history*: one *row* for the start and one for the end of each step.
+A *restart* is a row from which stepping begins again.
 """
 
 import numpy as np
@@ -36,7 +39,7 @@ def last_free_row(history: StateHistory, config: StationConfig) -> int:
         config: configuration of the station.
 
     Returns:
-        the row of the step, or 0 if there is none.
+        the row of the end of the step, or 0, the start of the run, if there is none.
     """
     # Times at which the steps begin that end at the rows 1, 2, ...
     begins = history.times[:-1]
@@ -44,6 +47,7 @@ def last_free_row(history: StateHistory, config: StationConfig) -> int:
     # Steps of a fixed length: only the last one was shortened to end with the run.
     if solver is None:
         return max(len(begins) - 1, 0)
+    # Count of the steps that begin early enough: it is the row at which the last of them ends.
     return int(np.searchsorted(begins, history.end - _STRETCH * solver.max_step, side="right"))
 
 
@@ -62,6 +66,7 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
         the restarts; empty if too few steps are recorded.
     """
     history = trace.history
+    # At least so many steps before `free_row`, the last row that does not depend on when the run ended, are repeated.
     row = trace.free_row - _REPEATED
     check = None
     if trace.flight_checks:
@@ -70,6 +75,7 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
         known = [
             (_row_of(history, known_check), known_check) for known_check in trace.flight_checks
         ]
+        # Those whose step is recorded, and early enough.
         early = [
             (found, known_check)
             for found, known_check in known
@@ -115,16 +121,16 @@ class RepeatedSteps:
         self._is_compared = False
 
     def compare(self, recorder: Recorder) -> None:
-        """Compare the steps, once all of them are repeated. Call it after each step.
+        """Compare the steps, once all of them are repeated. Call it after each step; it compares in one of the calls.
 
         Args:
-            recorder: records the run.
+            recorder: records the new run.
 
         Raises:
             StepsDiffer: a step differs.
         """
-        # The new run first reaches the end of the earlier one, though the compared steps end before it, at `free_row`.
-        # They are compared once.
+        # The compared steps end a little before the earlier run did, at `free_row`. They are compared when the new run
+        # has reached the end of the earlier one, so that all of them are recorded.
         if self._is_compared or recorder.times[-1] < self._end:
             return
         self._is_compared = True
@@ -136,7 +142,7 @@ class RepeatedSteps:
 
 
 def _are_equal(history: StateHistory, other: StateHistory) -> bool:
-    """Whether two histories of a diagram have the same times and states, to the last bit."""
+    """Whether two histories of a diagram have the same times and states, to the last bit. NaN is equal to nothing."""
     pairs = [(history.times, other.times), (history.continuous, other.continuous)]
     pairs += list(zip(history.discrete, other.discrete, strict=True))
     # A tolerance would hide a difference that grows later: contacts amplify the smallest one.
@@ -144,7 +150,7 @@ def _are_equal(history: StateHistory, other: StateHistory) -> bool:
 
 
 def is_same_motion(first: StationConfig, second: StationConfig) -> bool:
-    """Whether two configurations describe the same motion, perhaps of other lengths and sampled at other rates."""
+    """Whether two configurations describe the same motion, apart from duration, sample rate, name and description."""
     # Names do not move anything, and neither does when signals are sampled, or when the run ends.
     ignored = {"duration": 0.0, "sample_rate": 0.0, "name": "", "description": ""}
     return first.model_copy(update=ignored) == second.model_copy(update=ignored)
@@ -159,7 +165,10 @@ def other_station(config: StationConfig) -> tuple[Message, Message]:
 
 
 def continuable_trace(result: RecordedRun) -> Trace:
-    """The recorded states of a run that can be continued.
+    """Recorded states of a run that can be continued.
+
+    It can be if its states were recorded, it was not in a diagram of the user's own, and it was completed or the user
+    interrupted it.
 
     Args:
         result: the run.

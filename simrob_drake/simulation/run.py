@@ -3,6 +3,10 @@
 A run uses two diagrams of the station. The *stepped* diagram contains only what affects the motion. The *whole* diagram
 has the same states, and also the blocks that compute signals. Signals are evaluated in it after the run, from the
 recorded states.
+
+A *recorder* keeps the states after each step: the *history*, one row for each. A *watch* evaluates the monitors, which
+may end a run. A *sampler* evaluates signals at recorded states. A run may *repeat* recorded steps of an earlier run
+that it continues, and compare them.
 """
 
 from collections.abc import Callable, Mapping
@@ -117,7 +121,7 @@ class Run:
             references: references that the user gave, by robot, for the result.
             start: state from which the run begins, for the result; None for the station's own start.
             pass_commands: callback after each step that passes the user's commands to controllers. It gets the context
-                and may change the states of blocks. None if there are no commands.
+                of the stepped diagram and may change the states of blocks. None if there are no commands.
             repeat_commands: such a callback that gives the commands of the repeated run again; None if it had none.
 
         Raises:
@@ -148,7 +152,8 @@ class Run:
             )
             watchers.append(pace)
             recorder, watch = make_recorder(stepper, self.whole, *watchers, repeated=repeated)
-            # A monitor with `hold` counts time since its condition was met, which may be in the earlier run.
+            # A monitor with `hold` counts time since its condition was met, which may be in the earlier run: it first
+            # gets the recorded steps of that run.
             if self.restart is not None:
                 watch.look(self.restart.history.rows(slice(0, self.restart.row)))
             began = perf_counter()
@@ -157,7 +162,8 @@ class Run:
         stop = watch.stop if outcome.ending == "monitor" else None
         # The run ended within the steps that are repeated, before it has begun itself: there is no result.
         if self._ended_at(recorder, stop) < self.begin:
-            # The earlier run got further, so this run differs from it, such as by a monitor or a block.
+            # The earlier run got further, so this run differs from it, such as by a monitor or a block. Otherwise the
+            # user has interrupted it, or a tick has ended it.
             if outcome.ending not in ("completed", INTERRUPTED):
                 raise StepsDiffer
             raise KeyboardInterrupt
@@ -190,12 +196,16 @@ class Run:
             recorder: the recorded states.
             watch: contains the monitor that ended the run, if one did.
             outcome: how the stepping ended.
-            known: further fields of the result, by name.
+            known: further fields of the result, by name, which are passed on.
+
+        Raises:
+            KeyboardInterrupt: the user interrupted the evaluation. It can be repeated.
         """
         began = perf_counter()
         ports = self.whole.ports
         stop = watch.stop if outcome.ending == "monitor" else None
         history = self._whole_history(recorder, stop)
+        # Values that cannot be evaluated become NaN then.
         tolerant = outcome.ending in _INCOMPLETE_ENDINGS
         # A monitor sees the ends of steps only. In continuous time, the time at which its condition is met is searched
         # within the last step.
@@ -218,7 +228,7 @@ class Run:
         origin = self.origin or MotionOrigin(
             config, None, self.begin, self.stepper.begins_in_motion
         )
-        # A continued run begins at a step on which the end of this run had no influence.
+        # A run that continues this one begins at a step on which the end of this run had no influence.
         free_row = last_free_row(sampler.history, config)
         trace = Trace(sampler.history, self.stepper.flight_checks, origin, free_row)
         # Only such a run can be continued, so only its final state carries the recorded steps, see `continuable_trace`.
@@ -254,7 +264,7 @@ class Run:
             in_own_diagram=self.in_own_diagram,
             **known,
         )
-        # Evaluating the signals has restored the references.
+        # Evaluating the signals has restored the references: they are removed again.
         self.forget()
         return result
 
@@ -273,14 +283,18 @@ class Run:
         return recorder.times[own_count - 1] if own_count > 0 else -np.inf
 
     def _after_repeated(self, watcher: Callable[[Context], None]) -> Callable[[Context], None]:
-        """Make a callback that is called only after the steps that repeat those of an earlier run."""
+        """Make a callback that calls another one only after the steps that repeat those of an earlier run.
 
-        def watch(context: Context) -> None:
+        Args:
+            watcher: the other callback, with the context of the stepped diagram.
+        """
+
+        def call_after_repeated(context: Context) -> None:
             """Callback after each step, with the context of the stepped diagram."""
             if context.get_time() > self.repeated_until:
                 watcher(context)
 
-        return watch
+        return call_after_repeated
 
     def _whole_history(self, recorder: Recorder, stop: Stop | None) -> StateHistory:
         """States of the run: the recorded ones of the run that it continues, and then its own.
@@ -293,11 +307,15 @@ class Run:
             return recorder.history(stop.count if stop else None)
         before = self.restart.history.rows(slice(0, self.restart.row))
         # The monitors have seen the states before, too.
-        own = recorder.history(stop.count - len(before.times) if stop else None)
-        return before.with_end(own)
+        own_history = recorder.history(stop.count - len(before.times) if stop else None)
+        return before.with_end(own_history)
 
     def _step_times(self, history: StateHistory) -> Vector:
-        """Start of the run and the ends of its steps [s], without steps of the run that it continues."""
+        """Start of the run and the ends of its steps [s], without steps of the run that it continues.
+
+        Args:
+            history: states of the run, perhaps with some from before its start.
+        """
         times = history.times
         return times if times[0] == self.begin else np.append(self.begin, times[times > self.begin])
 
@@ -306,7 +324,7 @@ class Run:
 
         Args:
             history: the states.
-            tolerant: whether values that cannot be evaluated become NaN.
+            tolerant: whether values that cannot be evaluated become NaN, instead of an error.
         """
         return Sampler(
             self.whole.diagram,
@@ -354,9 +372,10 @@ class Run:
         probe = self._sampler(history, tolerant=False)
 
         def holds(sampler: Sampler, time: float) -> bool:
-            """Whether the condition of the monitor is met at a time [s]."""
+            """Whether the condition of the monitor is met at a time [s] of the sampler's history."""
             return watch.holds(stop.name, sampler, time)
 
+        # The history of the probe is shortened in place, by stepping again within the last step.
         hold = self.whole.ports.outputs.monitors[stop.name].hold
         cut_at_stop(probe, holds, self.stepper.step, onset=stop.onset, hold=hold)
         return probe.history
@@ -368,8 +387,11 @@ class Run:
         and the signals are evaluated once more. A failure in a run that has failed already is raised.
 
         Args:
-            sampler: evaluates the whole diagram.
+            sampler: evaluates the whole diagram. Its history may be shortened.
             outcome: how the stepping ended.
+
+        Raises:
+            Exception: the error of the evaluation, if no block is to blame or the run has failed already.
         """
         times = sample_times(sampler.history.end, self.config.sample_rate, begin=self.begin)
         try:
@@ -397,6 +419,9 @@ def torques_held_over_steps(ports: StationPorts) -> list[OutputPort]:
       that ended.
     - All others, servos as blocks, and kinematic stations: none. Blocks compute torques from the present state, and a
       kinematic station has no torques of its own.
+
+    Args:
+        ports: ports of the station, with its configuration.
     """
     config = ports.config
     engine = config.engine
@@ -429,6 +454,7 @@ def make_recorder(
     sampler = Sampler(whole.diagram, ports, _NO_STATES, context=stepper.user_context)
     held = torques_held_over_steps(ports)
     watch = Watch(ports, sampler, held=held, begins_in_motion=stepper.begins_in_motion)
+    # The recorder calls `look` with several steps at a time, which saves time.
     look = watch.look if ports.outputs.monitors else None
     # The comparison comes before the user's callbacks, which must not see steps of a run that is given up.
     compare = [] if repeated is None else [repeated.compare]
@@ -446,29 +472,33 @@ def _positions_watcher(stepper: Stepper, on_step: OnStep) -> Callable[[Context],
     """
     last_time = -np.inf
 
-    def watch(context: Context) -> None:
+    def call_on_step(context: Context) -> None:
         """Callback of the recorder after each step, with the context of the stepped diagram."""
         nonlocal last_time
         if context.get_time() <= last_time:
             return
         last_time = context.get_time()
+        # The state of the plant has its positions first.
         ports = stepper.built.ports
         own_context = ports.state.get_system().GetMyContextFromRoot(context)
         state = ports.state.Eval(own_context)
         on_step(context.get_time(), state[: ports.plant.plant.num_positions()])
 
-    return watch
+    return call_on_step
 
 
 def sample_times(end: float, rate: float, *, begin: float = 0.0) -> Vector:
-    """Times of the samples of a run, shape (m,) [s]: evenly spaced from 0, and the start and the end of the run.
+    """Times of the samples of a run, shape (m,) [s]: evenly spaced, and the start and the end of the run.
+
+    The even times are multiples of the sample time, also for a run that does not begin at 0. A multiple that is at the
+    start but for rounding is left out.
 
     Args:
         end: end of the run [s].
         rate: samples per second [Hz].
         begin: start of the run [s].
     """
-    # The small number keeps rounding from losing a sample at the end.
+    # The small part of a sample time keeps rounding from losing a sample at the end.
     intervals = int(np.floor(end * rate + 1e-9))
     # A quotient of integers has one rounding. A sum of periods would collect one with each sample.
     times = np.arange(intervals + 1) / rate
@@ -586,7 +616,10 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Sam
 
 
 def _trajectory_or_samples(reference: Any) -> Reference | Samples:
-    """Check one reference of a user.
+    """Check the type and the shape of one reference of a user. Whether it fits a robot is not checked here.
+
+    Args:
+        reference: a `ReferenceLike`, unchecked.
 
     Returns:
         a trajectory as it is; arrays as a pair of times (m,) [s] and positions (m, n) [rad or m].
@@ -597,7 +630,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
     if isinstance(reference, ReferenceSignal):
         return reference
     if isinstance(reference, Trajectory):
-        # Drake's trajectory without segments fails an assertion when its size is read.
+        # A trajectory without segments fails an assertion of Drake when its size is read.
         empty = (
             isinstance(reference, PiecewisePolynomial) and reference.get_number_of_segments() < 1
         )

@@ -1,6 +1,10 @@
 """Run a station: :func:`simulate` runs it once, a :class:`Runner` often, and a :class:`RunBranch` from a common start.
 
 Each of them returns a result, however the run ends. A station's diagrams are built once, and used again by later runs.
+
+A run may *continue* another one as if that had never been stopped: it repeats some recorded steps, its *trace*,
+compares them, and goes on. The *origin* of a motion is the run with which it began. A *tick* is a time at which the
+solver is initialized again. The decorator `drake_asserts` turns failed assertions of Drake into errors of this package.
 """
 
 import warnings
@@ -206,16 +210,18 @@ class Runner:
         """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built at the first run.
 
         Raises:
-            SimrobError: there is no such station, an override is invalid, or a block is none.
+            SimrobError: there is no such station, an override is invalid, or a value in `blocks` is no LeafSystem.
         """
         self.config = config_of(station, overrides)
         # Controllers of the kind `python` are blocks of the user's own, too, from code that the station's file names.
         made = own_blocks(self.config.controllers)
         self._user_blocks = blocks
         self._blocks = {**made, **named_blocks(blocks)}
+        # Inputs of the station that blocks drive, in place of the configuration's sources.
         self._driven = output_owners(self._blocks)
         inputs = with_driven(self.config.inputs, self._blocks)
-        # If nothing changes, the same object is used: it was resolved when it was loaded, which is remembered.
+        # If nothing changes, the same object is resolved: the result is known since it was loaded, so this takes no
+        # time.
         is_same = inputs == self.config.inputs
         self._station = resolve(
             self.config if is_same else self.config.model_copy(update={"inputs": inputs})
@@ -232,14 +238,18 @@ class Runner:
         """Make a runner of another station that uses the diagrams of this one, or return None if they do not fit.
 
         The stations may differ in references, in times and sizes of pushes, in start, duration, sample rate and name.
+        The diagrams of a runner with blocks of the user's own never fit.
+
+        Args:
+            config: the other station.
         """
         if self._blocks or _without_playable_keys(config) != _without_playable_keys(self.config):
             return None
         # The shallow copy shares the diagrams.
         other = copy(self)
         other.config = config
-        own = config.model_copy(update={"inputs": self._station.config.inputs})
-        other._station = replace(self._station, config=own)
+        own_config = config.model_copy(update={"inputs": self._station.config.inputs})
+        other._station = replace(self._station, config=own_config)
         return other
 
     @contextmanager
@@ -305,8 +315,8 @@ class Runner:
         check_callback(on_step)
         requested = by_robot(config, reference)
         keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
-        # A start that the caller or the station gives continues another run. _start_of() also makes a start for a robot
-        # with prescribed axes.
+        # A start that the caller or the station gives continues another run, so the run begins in motion. This is
+        # decided here, because _start_of() below also makes a start for a robot with prescribed axes.
         first_state = _checked_start(config, start)
         plan = RunPlan(config, requested, begins_in_motion=first_state is not None, ticks=ticks)
         if keeps_time:
@@ -319,6 +329,7 @@ class Runner:
                         "used with a start whose time is kept, such as result.final_state",
                     ),
                 )
+            # The references go on from where they began in the run that ended in this state.
             origins = first_state.origins or None
             plan = replace(plan, start=first_state, begin=first_state.time, origins=origins)
         else:
@@ -327,7 +338,8 @@ class Runner:
         # The callbacks are not part of the plan: the same plan may be run in several attempts.
         callbacks = Callbacks(progress=progress, on_step=on_step, commands=commands)
         trace = first_state.valid_trace if keeps_time and first_state is not None else None
-        # Only the final state of a result has recorded steps. A state from a file begins a new motion at its time.
+        # Only the final state of a result has recorded steps. A state from a file begins a new motion at its time. So
+        # does a state whose steps cannot be repeated.
         result = self._continue(plan, callbacks, trace) if trace is not None else None
         if result is None:
             result = self._run(plan, callbacks)
@@ -452,16 +464,33 @@ class Runner:
         return None
 
     def _run(self, plan: "RunPlan", callbacks: "Callbacks") -> SimulationResult:
-        """Run a plan once; raises SimrobError: another run is under way."""
+        """Run a plan once, see :meth:`_run_alone`.
+
+        Raises:
+            SimrobError: another run is under way.
+        """
         with self._alone():
             return self._run_alone(plan, callbacks)
 
     def _run_alone(self, plan: "RunPlan", callbacks: "Callbacks") -> SimulationResult:
-        """Run a plan once, while no other run uses the diagrams."""
+        """Run a plan once, while no other run uses the diagrams.
+
+        Args:
+            plan: the run. With a restart, stepping begins at a recorded step of an earlier run; with an origin, at the
+                start of the run with which the motion began.
+            callbacks: the user's callbacks.
+
+        Returns:
+            The result. Its configuration names the user's blocks, and contains the commands of the run.
+
+        Raises:
+            StepsDiffer: the steps that the run repeats are not the recorded ones.
+        """
         config = plan.config
         restart = plan.restart
         # The run itself is the first one of its motion, unless it repeats an earlier run from its origin.
         origin = plan.origin or MotionOrigin(config, plan.start, plan.begin, plan.begins_in_motion)
+        # A relay passes commands to controllers: those of the user's functions, and those of the repeated motion.
         relay = CommandRelay(config, callbacks.commands, begin=plan.begin)
         earlier_relay = CommandRelay(config, functions_of(origin.commands), begin=origin.begin)
         diagrams = self._diagrams_for(
@@ -469,7 +498,7 @@ class Runner:
         )
         # The diagrams may play other references by the time at which signals are evaluated.
         references = diagrams.references
-        # The states were recorded in another diagram, and could not even be copied.
+        # The states were recorded in another diagram, with other states: they could not even be copied.
         if restart is not None and not fits(restart.history, diagrams.whole):
             raise StepsDiffer
         stepper = Stepper(
@@ -494,6 +523,7 @@ class Runner:
             config,
             whole,
             stepper,
+            # Before and after signals are evaluated: restore the references in the whole diagram, and remove them.
             lambda: whole.play(references, config.forces),
             diagrams.forget,
             begin=plan.begin,
@@ -505,17 +535,17 @@ class Runner:
         )
         # The result's configuration names the user's blocks, so that plots and summaries can show them.
         blocks = {name: OwnController.of(block) for name, block in self._blocks.items()}
-        own = {
+        controllers = {
             **config.controllers,
             **{name: blocks[name] for name in blocks if name not in config.controllers},
         }
-        watch = (
+        pass_commands = (
             (lambda context: relay.pass_on(stepper.built.diagram, context))
             if callbacks.commands
             else None
         )
         # Only a motion that is repeated from its start needs its commands again. A restart's state contains them.
-        earlier_watch = (
+        repeat_commands = (
             (lambda context: earlier_relay.pass_on(stepper.built.diagram, context))
             if origin.commands
             else None
@@ -525,10 +555,12 @@ class Runner:
             on_step=callbacks.on_step,
             references=dict(plan.requested),
             start=plan.start,
-            pass_commands=watch,
-            repeat_commands=earlier_watch,
+            pass_commands=pass_commands,
+            repeat_commands=repeat_commands,
         )
-        config = relay.config_with_commands(result.config.model_copy(update={"controllers": own}))
+        config = relay.config_with_commands(
+            result.config.model_copy(update={"controllers": controllers})
+        )
         trace = result.trace
         # A run that is continued from the start of this motion needs its commands, too. If the motion began in an
         # earlier run, the configuration of that run stays. So does the trace of the final state: a run that begins
@@ -595,7 +627,7 @@ class Runner:
 
     @drake_asserts()
     def check(self, reference: ReferencesLike = None) -> None:
-        """Check the start and the references of a run without doing it.
+        """Check the start and the references of a run without doing it. Diagrams are built only for a given start.
 
         Args:
             reference: as in :func:`simulate`.
@@ -618,7 +650,8 @@ class Runner:
         """Find the reference of each robot in a run that begins in a state, by the robot's name.
 
         Args:
-            reference: references of the user, as in :func:`simulate`.
+            reference: references of the user, as in :func:`simulate`. Robots without one follow those of the station's
+                configuration.
             start: the state; None for the initial state of the station.
 
         Raises:
@@ -628,6 +661,8 @@ class Runner:
 
     def _start_of(self, config: StationConfig, start: State | None) -> State | None:
         """Find the state in which a run begins, with prescribed axes on their references.
+
+        A prescribed axis follows a reference of the station exactly, whatever forces act.
 
         Args:
             config: configuration of the station in this run.
@@ -677,7 +712,8 @@ class Runner:
         """
         references = station_references(self._station, requested, origins)
         self._check_references(references, config.duration if end is None else end)
-        # The blocks of forces, and the bodies on which they act, are built into a diagram.
+        # The blocks of forces, and the bodies on which they act, are built into a diagram: other ones need another
+        # diagram.
         force_places = [(name, force.kind, force.at) for name, force in config.forces.items()]
         key = (steps_whole, *force_places)
         diagrams = self._diagrams.get(key)
@@ -714,16 +750,18 @@ class Runner:
             # A block of the user's own takes the place of this reference, which then moves nothing.
             if f"{robot.prefix}reference" not in self._driven:
                 check_reference(robot, references[robot.name], duration)
-            for place, reference in robot.prescribed.items():
-                check_reference(alone_on(robot, place), reference, duration)
+            # Axes whose references the station prescribes, by their index.
+            for axis, reference in robot.prescribed.items():
+                check_reference(alone_on(robot, axis), reference, duration)
 
 
 def _without_playable_keys(config: StationConfig) -> StationConfig:
     """Copy a configuration without the keys that its diagrams do not depend on.
 
-    Two configurations whose copies are equal can use the same diagrams: references and pushes are played by them, and
-    duration and sample rate belong to the run.
+    Two configurations whose copies are equal can use the same diagrams: references, and times and sizes of pushes, are
+    given to them for each run; duration, sample rate and start belong to the run.
     """
+    # A robot may have a reference section of its own.
     robots = {
         name: robot.model_copy(update={"reference": None}) for name, robot in config.robots.items()
     }
@@ -743,7 +781,11 @@ def _without_playable_keys(config: StationConfig) -> StationConfig:
 
 
 def check_callback(on_step: OnStep | None) -> None:
-    """Check the user's callback after each step; raises InvalidParameter: it cannot be called."""
+    """Check the user's callback after each step. It may be None.
+
+    Raises:
+        InvalidParameter: it cannot be called.
+    """
     if on_step is not None and not callable(on_step):
         expected = message(
             "simulation.function_of_time_and_positions", "a function of time and positions"
@@ -752,7 +794,11 @@ def check_callback(on_step: OnStep | None) -> None:
 
 
 def _origins(start: State | None) -> dict[str, Vector] | None:
-    """Positions (n,) at which the configuration's references begin in a run that begins anew in a state, by robot."""
+    """Positions (n,) [rad or m] at which the configuration's references begin in a run from a state, by robot.
+
+    The run begins anew, at the time 0: its references begin where those of the run before ended. Without a state the
+    result is None, for the initial postures.
+    """
     return start.references if start else None
 
 
@@ -839,8 +885,11 @@ class RunBranch:
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
         """Step on under pushes, and return how the run ends. No signals are computed.
 
+        If the run ended before the branch, this end is returned.
+
         Args:
-            pushes: pushes that begin at the time of the branch or later, by name, as in :meth:`run`.
+            pushes: pushes that begin at the time of the branch or later, by name, as in :meth:`run`. They take the
+                place of all pushes of the station.
 
         Raises:
             InvalidParameter: a push that cannot be, or that begins before the branch.
@@ -867,10 +916,12 @@ class RunBranch:
     ) -> SimulationResult:
         """Run on under pushes, and return the whole run with its signals.
 
+        The first call runs the time before the branch once more, with signals, and keeps this run for later calls.
+
         Args:
             pushes: pushes that begin at the time of the branch or later, by name, as in
                 ``{"shove": {"start": 1, "force": [5, 0, 0]}}``. They take the place of the station's own ones of these
-                times.
+                times. If it is None, the station's own ones act.
             progress: show a bar on a terminal.
             on_step: callback with the time [s] and the positions of the whole plant (nq,), after each accepted step
                 after the branch.
@@ -909,12 +960,12 @@ class RunBranch:
         Raises:
             InvalidParameter: a push that cannot be, or that begins before the branch.
         """
-        own = self._config.forces
+        own_forces = self._config.forces
         if pushes is None:
-            return dict(own)
+            return dict(own_forces)
         earlier = {
             name: force
-            for name, force in own.items()
+            for name, force in own_forces.items()
             if isinstance(force, Push) and force.start < self.at
         }
         forces = with_pushes(self._config, pushes).forces
@@ -946,13 +997,13 @@ class RunBranch:
                 )
 
     def _make_stepper(self, config: StationConfig, **more: Any) -> Stepper:
-        """Make a stepper of the branch's diagrams. Further arguments are those of :class:`Stepper`."""
+        """Make a stepper of the branch's diagrams. The other arguments are those of :class:`Stepper`."""
         return Stepper(
             config, self._diagrams.diagram_at, self._diagrams.edges, blocks=self._blocks, **more
         )
 
     def _outcome(self, stepper: Stepper) -> Outcome:
-        """Step to the end of the stepper's run. Returns how it ended."""
+        """Step to the end of the stepper's run, and evaluate its monitors. Returns how it ended."""
         recorder, watch = make_recorder(stepper, self._diagrams.whole)
         return stepper.run(recorder, watch)
 

@@ -2,7 +2,9 @@
 
 An *edge* is a time at which a step of the solver must end, such as the start of a push. The diagram that is stepped may
 change at an edge; all diagrams of a run have the same states. A *tick* is a time at which the solver is initialized
-again, see `Ticks`. A *block of the user's own* is a LeafSystem that the caller adds to the diagram.
+again, see `Ticks`. A *block of the user's own* is a LeafSystem that the caller adds to the diagram. A *recorder* is
+called by the simulator after each step and keeps the state; a *watch* evaluates the station's monitors, which may end
+the run. ``cenic`` is a scheme of Drake that holds inputs, such as references, constant over a step.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -52,7 +54,7 @@ class Moment:
     """Context of this diagram."""
 
     def value(self, output: str) -> Vector:
-        """Present value of an output of the station, such as ``position``."""
+        """Present value of an output of the station by its name, such as ``position``."""
         return self._built.ports.outputs.value(output, self._context)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
@@ -83,17 +85,18 @@ class Ticks:
     def times(self, end: float, edges: Sequence[float]) -> list[float]:
         """Times of the ticks in a run, and of its end [s].
 
-        A tick that differs from an edge by rounding gets exactly the time of the edge.
+        The first tick is one interval after the time 0. A tick, or the end, that differs from an edge by rounding gets
+        exactly the time of the edge.
 
         Args:
             end: end of the run [s].
-            edges: times of the edges [s].
+            edges: times of the edges [s]. There may be none.
         """
         # The end of the run is no tick: rounding must not add one just before it.
         count = int(np.ceil(end / self.every - _ROUNDING))
         # Rounding to a picosecond makes a product such as 3 * 0.1 equal to the time that a file writes, 0.3.
         ticks = [round(self.every * number, 12) for number in range(1, count)]
-        # Infinity stands for "no edge" if there are none.
+        # Infinity is an edge that is near to no time, for the case that there are no edges.
         known = np.array([np.inf, *edges])
         times = []
         for time in [*ticks, end]:
@@ -241,7 +244,11 @@ class Stepper:
         return bool(self._blocks)
 
     def pace(self) -> Callable[[Context], None] | None:
-        """Callback for each step, which may change the length of the next steps, or None if not needed."""
+        """Make a callback for each step, which may change the length of the next steps. Returns None if not needed.
+
+        It belongs to the present diagram and solver: call this method again when they change. The checks of the
+        callback before are kept, see :attr:`flight_checks`.
+        """
         if self._flight is not None:
             self._flight_checks.extend(self._flight.checks)
         self._flight = self._make_flight(self.built, self.simulator)
@@ -276,7 +283,15 @@ class Stepper:
                 simulator.clear_monitor()
 
     def _outcome(self, recorder: Recorder, watch: Watch) -> Outcome:
-        """Step from edge to edge until the run ends. Returns how the run ended."""
+        """Step from edge to edge until the run ends. Returns how the run ended.
+
+        Args:
+            recorder: records each step. It may end the run, for a monitor.
+            watch: evaluates the station's monitors at the recorded steps.
+
+        Raises:
+            Exception: a callback of the user has failed, which is no end of a run.
+        """
         try:
             # A monitor may end the run at its start already, which the status reports.
             status = self._initialize()
@@ -295,10 +310,12 @@ class Stepper:
             # A callback of the user has failed: the caller gets its exception.
             if recorder.failure is not None:
                 raise
-            # A monitor may have ended the run at a step before the failure. It may also evaluate the failed block.
+            # A monitor may have ended the run at a step before the failure: it looks at the steps that it has not seen.
+            # It may evaluate the failed block and fail as well, which does not matter.
             with suppress(Exception):
                 recorder.look()
             failed = self.failure_outcome(problem, self.simulator.get_context(), recorder.times[-1])
+            # A monitor's end comes first, then a failed block. Otherwise the solver has diverged.
             return (
                 self._monitor_outcome(watch)
                 or failed
@@ -316,6 +333,7 @@ class Stepper:
                     message("simulation.state_ran_away", "a state grew beyond any physical value")
                 ),
             )
+        # A block in the diagram has ended the run: the last part of its name is that of the monitor or block.
         if status.reason() == _ENDED:
             return Outcome(
                 "monitor", status.system().get_name().rpartition(".")[2], self._reason(status)
@@ -340,9 +358,14 @@ class Stepper:
     def step(self, history: StateHistory, time: float) -> StateHistory:
         """Compute the state at a time by stepping from the last recorded state before it.
 
+        The run itself is not changed: a simulator of its own makes the step.
+
         Args:
             history: recorded states.
-            time: the time [s].
+            time: the time [s], after the first recorded one.
+
+        Returns:
+            A history with this state alone.
 
         Raises:
             RuntimeError: the state diverged.
@@ -371,7 +394,14 @@ class Stepper:
     def _ends_at_tick(self, time: float, recorder: Recorder) -> bool:
         """Call the callback of the ticks, and initialize the solver again unless the run ends.
 
-        Returns True if a monitor or the callback ends the run.
+        Monitors look at the steps up to the tick first: the callback is not called if one of them ends the run.
+
+        Args:
+            time: time of the tick [s].
+            recorder: records the run.
+
+        Returns:
+            True if a monitor or the callback ends the run.
         """
         # A tick was reached, so there are ticks.
         assert self._ticks is not None
@@ -394,7 +424,10 @@ class Stepper:
         self._initialize_in_motion()
 
     def _change_diagram(self, recorder: Recorder) -> None:
-        """Continue with the diagram for the present time, if it is another one, in the state that was reached."""
+        """Continue with the diagram for the present time, if it is another one, in the state that was reached.
+
+        The recorder is attached to the other simulator, whose solver is initialized.
+        """
         context = self.simulator.get_context()
         built = self._diagram_at(context.get_time())
         if built is self.built:
@@ -407,7 +440,7 @@ class Stepper:
         self._initialize_in_motion()
 
     def _count_steps(self) -> None:
-        """Add the shortened steps of the present integrator to the count, before the integrator is replaced."""
+        """Add the shortened steps of the present integrator to :attr:`shortened`, before the integrator is replaced."""
         # Solvers with steps of one length try no step again.
         if self.shortened is not None:
             integrator = self.simulator.get_integrator()
@@ -421,10 +454,13 @@ class Stepper:
         over a step, so that a servo lags behind its reference by the length of a step. If the steps became shorter,
         the servos would catch up with torques and motions that an uninterrupted run does not have. Other schemes
         evaluate references within their steps, and have no such lag.
+
+        Returns:
+            The status, which tells if a monitor ends the run at its start.
         """
         if self._restart is not None:
             return self._initialize_again(self._restart)
-        # The settings of a scheme that holds inputs over a step; other schemes have none here.
+        # `stepped_by` returns settings only for a scheme that holds inputs over a step, as `cenic` does.
         is_cenic = stepped_by(self._config) is not None
         if self.begins_in_motion and is_cenic:
             return self._initialize_in_motion()
@@ -471,9 +507,11 @@ class Stepper:
     def failure_outcome(
         self, problem: BaseException, context: Context, time: float
     ) -> Outcome | None:
-        """Outcome of a run that ended by an exception of Python code, or None if the solver diverged.
+        """Outcome of a run that ended by an exception of Python code. Returns None if no such code is to blame.
 
-        The exception is an error, or the report of a block that cannot go on (`BlockFails`).
+        The exception is an error, or the report of a block that cannot go on (`BlockFails`). It is the fault of a block
+        of the user's own if that block's code is in the traceback, else of the program if its class is that of a
+        programming error. Otherwise the solver has diverged.
 
         Args:
             problem: the exception.
@@ -510,6 +548,7 @@ class Stepper:
                         line=line,
                     )
                     return Outcome("failed", name, text)
+        # No block of the user's own: the function that raised the error is named in the place of a block.
         if isinstance(problem, _PROGRAMMING_ERRORS):
             frame, line = trace[-1]
             where = message(
@@ -589,7 +628,13 @@ def _runs_code_of(frame: FrameType, block: LeafSystem) -> bool:
 
 
 def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]) -> str:
-    """Name the first output of a block that raises an error of a class. Returns an empty text if there is none."""
+    """Name the first output of a block that raises an error of a class. Returns an empty text if there is none.
+
+    Args:
+        block: the block.
+        context: context of the diagram.
+        kind: the class of the error.
+    """
     for index in range(block.num_output_ports()):
         port = block.get_output_port(index)
         try:
@@ -601,7 +646,7 @@ def _failing_port(block: LeafSystem, context: Context, kind: type[BaseException]
 
 
 def _copy_state(source: Context, target: Context) -> None:
-    """Copy time and state between contexts of the same layout."""
+    """Copy time and state from one context to another, of diagrams whose states are the same in the same order."""
     target.SetTime(source.get_time())
     # Drake fails an assertion if an empty state is set.
     if source.num_continuous_states():

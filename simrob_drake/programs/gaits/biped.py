@@ -1,7 +1,9 @@
 r"""Gaits on two legs: a walk, planned footstep by footstep, and a kick.
 
 Both plan footholds and the zero-moment point (ZMP) in the frame of :mod:`~simrob_drake.programs.gaits.phases`: x ahead,
-y to the left, the origin in the middle of the feet at the start.
+y to the left, the origin in the middle of the feet at the start. A foothold is a vector (3,): x [m], y [m] and the
+foot's turn to the left [rad]. The ZMP is the point of the floor about which the ground's forces have no level moment:
+the weight is over it.
 
 The kicking foot is brought back and comes to rest there. It gathers its speed v over a distance b, so that it has this
 speed at the point that it hits, without a jump of its acceleration, and loses it over the same distance behind the
@@ -74,8 +76,8 @@ class PlannedWalk(NamedTuple):
 
     Attributes:
         motion: joint angles and poses of the root over m samples.
-        desired_zmp: zero-moment point of the plan, shape (m, 2) [m].
-        zmp: zero-moment point of the motion if no foot slips, shape (m, 2) [m].
+        desired_zmp: zero-moment point of the plan, shape (m, 2) [m], in the frame of the plan.
+        zmp: zero-moment point of the motion if no foot slips, shape (m, 2) [m], in the frame of the plan.
     """
 
     motion: JointMotion
@@ -88,7 +90,7 @@ def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
 
     Args:
         walker: the robot.
-        steps: count of full steps.
+        steps: count of full steps. Steps of the ramps, and one that brings the feet together, come in addition.
         gait: parameters of the walk.
 
     Raises:
@@ -114,9 +116,10 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
     Args:
         steps: count of full steps.
         gait: parameters of the walk.
-        start: foothold (3,) of each foot at the start.
+        start: foothold (3,) of each foot at the start, by name.
     """
     transfer_time = gait.double_support * gait.step_time
+    # Ahead [m], to the left [m] and turn to the left [rad].
     full_step = np.array([gait.step_length, gait.sideways, np.deg2rad(gait.turn_deg)])
     footholds = {name: foothold.copy() for name, foothold in start.items()}
     pose = np.zeros(3)  # of the middle of the feet: x, y, turn
@@ -129,6 +132,7 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
     # The weight goes to the foot that stands during the first step.
     first_standing = FEET[1]
     phases = [Phase(duration=gait.settle, zmp=zmp_under(first_standing), transfer=gait.settle)]
+    # Each share is the length of a step over that of a full one: it grows at the start, and is 0 for the last step.
     for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
         swinging = FEET[number % 2]
         standing = FEET[(number + 1) % 2]
@@ -159,6 +163,12 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
 
 def _check(robot: str, steps: int, gait: BipedWalk, feet: dict[str, Foot]) -> None:
     """Check the parameters of a walk.
+
+    Args:
+        robot: name of the robot, for the message.
+        steps: count of full steps.
+        gait: parameters of the walk.
+        feet: the feet of the robot by name.
 
     Raises:
         InvalidParameter: the count of steps is less than 1, no part of a step is on one foot, or the walk turns or goes
@@ -240,7 +250,8 @@ class Kick(SolvedGait):
             Phase(duration=self.settle + self.rest, zmp=between_feet, transfer=self.settle),
         ]
         plan = gait_plan(start, between_feet, phases)
-        # No phase swings the kicking foot; its path replaces the one on which it stands.
+        # No phase swings the kicking foot; its path (x, y, height, turn) replaces the one on which it stands. The kick
+        # is the second phase: its times count from the end of the first.
         path = BPoly.from_derivatives(times, self._knots(roles.kicking))
         kick_times = np.clip(plan.times - self.settle, 0.0, times[-1])
         paths = {**plan.feet, roles.kicking.name: path(kick_times)}
@@ -261,7 +272,7 @@ class Kick(SolvedGait):
         Args:
             walker: the robot.
             root: pose of its root link in the world, shape (4, 4).
-            angles: angles of its n axes, shape (n,) [rad].
+            angles: angles of its n axes now, shape (n,) [rad].
             ball: horizontal position of the ball in the world, shape (2,) [m].
             radius: radius of the ball [m].
             toward: position in the world towards which the ball is kicked, shape (2,) [m]. If it is None, the ball goes
@@ -275,7 +286,8 @@ class Kick(SolvedGait):
         poses = {
             name: foot.poses(angles[np.newaxis], root[np.newaxis])[0] for name, foot in feet.items()
         }
-        # The foot that has the ball most straight ahead kicks, unless the gait names one.
+        # The foot that has the ball most straight ahead kicks, unless the gait names one: the distance of the ball to
+        # the left or right of each foot decides [m].
         sideways = {name: abs(_seen_from(pose, ball)[1]) for name, pose in poses.items()}
         nearest = min(feet, key=lambda name: sideways[name])
         roles = self._assign_roles(feet, nearest)
@@ -301,7 +313,7 @@ class Kick(SolvedGait):
         return aim
 
     def _check_feet(self, walker: Walker) -> dict[str, Foot]:
-        """Find the two feet of the robot by name.
+        """Find the two feet of the robot by name, and check that they can do the kick.
 
         Raises:
             InvalidParameter: the robot has other feet, or the kick is to the side and the legs cannot turn their feet.
@@ -344,7 +356,9 @@ class Kick(SolvedGait):
 
     def _knot_times(self) -> Vector:
         """Times of the knots of the kicking foot's path since its lift-off, shape (5,) [s]; see :meth:`_knots`."""
-        stroke = 2.0 * self.swing / self.speed  # T of the module
+        # T of the module: time of the swing before the hit, and again of that after it.
+        stroke = 2.0 * self.swing / self.speed
+        # From lift-off to back, hit, front and touchdown.
         return np.cumsum([0.0, self.raising, stroke, stroke, self.raising])
 
     def _knots(self, foot: Foot) -> list[Vector]:
@@ -352,17 +366,19 @@ class Kick(SolvedGait):
 
         Returns:
             For each of the 5 knots position, velocity and acceleration (rows) of x, y, height [m] and turn [rad]
-            (columns), shape (3, 4). The quintic between two knots then has the speed of the module's equation.
+            (columns), shape (3, 4). The polynomial of degree five between two knots then has the speed of the module's
+            equation.
         """
         turn = np.deg2rad(self.toward_deg)
         home = self._start_foothold(foot)
+        # Pose of the foot when it hits. Without a point it swings from its foothold, so that it hits one swing ahead.
         direction = np.array([np.cos(turn), np.sin(turn), 0.0, 0.0])
         hit = np.array([*home[:2], self.lift, turn]) + self.swing * direction
         if self.point is not None:
             # The tip is half the foot's length ahead of its middle.
             hit[:2] = self.point - foot.half[0] * direction[:2]
         positions = np.zeros((5, 4))
-        positions[[0, 4]] = [*home[:2], 0.0, home[2]]
+        positions[[0, 4]] = [*home[:2], 0.0, home[2]]  # lift-off and touchdown are at the foothold
         positions[1:4] = hit + np.outer([-self.swing, 0.0, self.swing], direction)
         # The foot moves in the middle knot only. The acceleration is zero in all knots, so that it has no jumps.
         velocities = np.zeros((5, 4))

@@ -5,7 +5,8 @@ standing feet: over the other foot on two legs, over the other three on four leg
 the feet stand by then; :mod:`~simrob_drake.programs.gaits.climb_footholds` chooses where they go next.
 
 A sole pose is a vector (4,): x ahead [m], y to the left [m], height [m] and turn to the left [rad], in a frame whose x
-axis is the direction of the climb. The lowest sole at the start has the height 0.
+axis is the direction of the climb. The lowest sole at the start has the height 0. The zero-moment point (ZMP) is the
+point of the floor over which the weight is; a *riser* is a step of the ground up or down.
 """
 
 from collections.abc import Mapping
@@ -92,6 +93,7 @@ class Climb(SolvedGait):
 
         Raises:
             InvalidParameter: the robot has neither two legs of six axes nor four legs.
+            OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
         """
         feet = {foot.name: foot for foot in walker.feet(self.feet)}
         has_four_legs = sorted(feet) == sorted(CRAWL_ORDER)
@@ -149,6 +151,9 @@ class Climb(SolvedGait):
     def _gait_plan(self, feet: Mapping[str, Foot]) -> GaitPlan:
         """Plan the paths of the feet, the trunk and the zero-moment point.
 
+        The soles begin and end in the poses of the parameters `start` and `goals`. If these are not set, they begin in
+        the usual poses and go one stride ahead.
+
         Args:
             feet: the feet of the robot by name.
         """
@@ -169,6 +174,7 @@ class Climb(SolvedGait):
             shift_time = self._all_stand_time if phases else self.settle
             liftoffs[name] = sum(phase.duration for phase in phases) + shift_time
             standing = {foot: current[foot][:2] for foot in order if foot != name}
+            # A phase for the shift of the weight, and one for the swing.
             zmp = self._zmp_over(standing, current, feet)
             phases.append(Phase(duration=shift_time, zmp=zmp, transfer=shift_time))
             phases.append(Phase(duration=self._swing_time, zmp=zmp, transfer=0.0))
@@ -192,7 +198,10 @@ class Climb(SolvedGait):
         return replace(plan, feet=paths, heading=heading, ground=ground, standing=standing_times)
 
     def _home(self, foot: Foot) -> SolePose:
-        """Pose of a sole at the start if none is set. Two feet are side by side."""
+        """Pose of a sole at the start if none is set: on level ground, below the hip and further out by `widen`.
+
+        Two feet are side by side, even if one hip is further ahead.
+        """
         ahead = 0.0 if foot.name in FEET else float(foot.home[0])
         left = float(foot.home[1]) + foot.side * self.widen
         return ahead, left, 0.0, 0.0
@@ -210,9 +219,11 @@ class Climb(SolvedGait):
             current: poses of all soles before the swing, by foot.
             feet: the feet of the robot by name.
         """
-        if len(standing) == 1:  # two legs
+        # Two legs: beside the middle of the foot that stands, towards the other foot.
+        if len(standing) == 1:
             ((name, position),) = standing.items()
             return position - [0.0, feet[name].side * self.zmp_inward]
+        # Four legs: in the triangle of the feet that stand, as near to the middle of all feet as possible.
         triangle = np.array(list(standing.values()))
         return nearest_inside(_middle_of(current), triangle, self.inside)
 
@@ -220,7 +231,7 @@ class Climb(SolvedGait):
         """Compute the path of a sole: up, ahead, and down.
 
         Args:
-            share: share of the swing that has elapsed, shape (m,).
+            share: share of the swing that has elapsed, from 0 to 1, shape (m,).
             start: sole pose at the lift-off, shape (4,).
             goal: sole pose at the touchdown, shape (4,).
 
@@ -232,6 +243,7 @@ class Climb(SolvedGait):
         path = start + np.outer(gone_ahead, goal - start)
         risen = smooth(_elapsed_share(share, 0.0, _UP))
         sunk = smooth(_elapsed_share(share, 1.0 - _DOWN, _DOWN))
+        # The height is planned apart: to the top, which is above all ground on the way, and down from there.
         path[:, 2] = start[2] + (top - start[2]) * risen - (top - goal[2]) * sunk
         return path
 
@@ -253,11 +265,12 @@ class Climb(SolvedGait):
             start: sole poses at the start, by foot.
             goals: sole poses at the end, by foot.
         """
+        # Function that gives the level of the trunk's ground from the heights of the soles.
         level = min if len(start) == len(FEET) else np.mean
         sole_heights = {name: pose[2] for name, pose in start.items()}
         trunk_height = float(level(list(sole_heights.values())))
         result = np.full(len(times), trunk_height)
-        shift_time = self.settle
+        shift_time = self.settle  # time of the weight transfer before the swing [s]
         for name, liftoff in liftoffs.items():
             sole_heights[name] = goals[name][2]
             change = float(level(list(sole_heights.values()))) - trunk_height
@@ -273,7 +286,9 @@ class Climb(SolvedGait):
 
 
 def has_edges(model: RobotModel, worn: str | None) -> bool:
-    """Check whether the feet of a robot can stand on steps: two soles need edges, balls of four feet do not.
+    """Check whether the feet of a robot can stand on steps: two feet have to be boxes, whose edges may stick out.
+
+    More feet may be of any kind.
 
     Args:
         model: the robot; it has feet.
@@ -290,5 +305,8 @@ def _middle_of(poses: Mapping[str, Vector]) -> Vector:
 
 
 def _elapsed_share(times: Vector, begin: float, duration: float) -> Vector:
-    """Share of a time interval that has elapsed: 0 before its begin, 1 after its end, shape (m,)."""
+    """Share of an interval that has elapsed at times (m,): 0 before its begin, 1 after its end, shape (m,).
+
+    Times, begin and duration are in the same unit: seconds, or shares of a swing.
+    """
     return np.clip((times - begin) / duration, 0.0, 1.0)

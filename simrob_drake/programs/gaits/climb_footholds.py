@@ -7,6 +7,8 @@ distance ahead. There are two choices, with the same methods `height` and `next`
   consists of *treads*, level stretches such as the steps of stairs. A sole may stick out over the edge of a tread by a
   part of its length, so that a stride over an edge is shorter than the sole.
 * :class:`BallFootholds`, for four feet that are balls. Each goes where it would on level ground, or near there.
+
+A *riser* is a step of the ground up or down, such as the front of a stair.
 """
 
 from collections.abc import Callable, Mapping
@@ -110,11 +112,13 @@ class GroundProfile:
         is_level_across = np.ptp(heights, axis=1) <= _UNEVENNESS
         # A new run begins where the ground rises or falls by a riser, or where it begins or ceases to be level across.
         has_riser = np.abs(np.diff(self._highest)) > _UNEVENNESS
+        # Indices of the positions after which a new run begins.
         breaks = np.flatnonzero((np.diff(is_level_across) != 0) | has_riser)
         self.treads = []
         for run in np.split(np.arange(len(along)), breaks + 1):
             run_heights = self._highest[run]
-            # The second condition excludes ramps, which rise without any riser.
+            # All positions of a run are level across, or none is. The second condition excludes ramps, which rise
+            # without any riser.
             if is_level_across[run[0]] and np.ptp(run_heights) <= _UNEVENNESS:
                 tread = Tread(
                     begin=float(along[run[0]]),
@@ -146,18 +150,25 @@ class GroundProfile:
             return None
         later = [tread for tread in self.treads if tread.begin > here.end]
         following = next((tread for tread in later if self._fits(here, tread, sole)), None)
-        # First as far ahead on this tread as its edge allows, so that the stride over the edge is short.
+        # First as far ahead on this tread as its edge or the goal allows, so that the stride over the edge is short.
         front = min(self._last_toe(here, following, sole) - sole.half, distance)
         if front - position > LEAST_STRIDE:
             return StridePlan(min(position + longest, front), here.height, here.height)
         if following is None:
             return None
+        # Now over the edge, to the first position on the next tread: its middle is half a sole ahead of the heels.
         over = max(self._highest_between(here, following), here.height, following.height)
         goal = self._first_heel(here, following, sole) + sole.half
         return StridePlan(goal, following.height, over)
 
     def _fits(self, here: Tread, there: Tread, sole: SoleMargins) -> bool:
-        """Whether a sole can step from one tread to another, and whether it has enough space there."""
+        """Whether a sole can step from one tread to a later one, and whether it has enough space there.
+
+        Args:
+            here: the tread on which the sole stands.
+            there: the later tread.
+            sole: size of the soles, and how they may stand.
+        """
         length = 2 * sole.half
         if there.begin - here.end > _WIDEST_GAP * length:
             return False
@@ -165,22 +176,22 @@ class GroundProfile:
         return self._last_toe(there, beyond, sole) - self._first_heel(here, there, sole) >= length
 
     def _last_toe(self, here: Tread, following: Tread | None, sole: SoleMargins) -> float:
-        """Farthest position of the toes on a tread [m].
+        """Farthest position of the toes on a tread [m]. It may be beyond its edge if the ground behind it is lower.
 
         Args:
             here: the tread.
-            following: the tread to which the next stride leads, or None if there is none.
+            following: the tread to which the next stride leads. If it is None, all ground behind the tread counts.
             sole: size of the soles, and how they may stand.
         """
         highest = self._highest_between(here, following)
         if following is not None:
             highest = max(highest, following.height)
-        # Over lower ground the toes may stick out; from higher ground they keep a distance.
+        # Over ground that is lower, or not higher, the toes may stick out; from higher ground they keep a distance.
         is_lower = highest <= here.height + _UNEVENNESS
         return here.end + (sole.overhang if is_lower else -sole.margin)
 
     def _first_heel(self, here: Tread, there: Tread, sole: SoleMargins) -> float:
-        """Position nearest to the begin of a tread for the heels [m].
+        """Position nearest to the begin of a tread for the heels [m]. It may be before the begin over lower ground.
 
         Args:
             here: the tread from which a stride leads there.
@@ -194,8 +205,8 @@ class GroundProfile:
     def _highest_between(self, here: Tread, there: Tread | None) -> float:
         """Height of the highest ground between two treads [m].
 
-        If the second is None, it is the highest ground behind the first as far as the profile goes. The height is
-        minus infinity if there is no ground between them.
+        If the second is None, it is the highest ground beyond the first, as far as the profile goes. The height is
+        minus infinity if the profile has no position between them.
         """
         end = np.inf if there is None else there.begin
         is_between = (self._along > here.end) & (self._along < end)
@@ -203,12 +214,12 @@ class GroundProfile:
 
 
 def is_at_goal(position: float, distance: float) -> bool:
-    """Whether soles at a position [m] are at the goal, which is at a distance [m]."""
+    """Whether feet at a position [m] are at the goal, which is at a distance [m], or nearly there or beyond."""
     return position > distance - LEAST_STRIDE
 
 
 def profile_ahead(height: GroundHeight, distance: float, across: Vector) -> GroundProfile:
-    """Sample the ground ahead.
+    """Sample the ground from a little behind the origin to a little beyond the goal, and find its treads.
 
     Args:
         height: height of the ground.
@@ -228,7 +239,7 @@ class FootGoals:
     """Footholds of a stride.
 
     Attributes:
-        goals: positions of the feet after the stride.
+        goals: positions and turns of the feet after the stride, by foot.
         heights: heights of the ground there, by foot [m].
         over: height of the highest ground on the way [m].
     """
@@ -288,7 +299,7 @@ class SoleFootholds:
             The footholds, or None if the feet are at the goal.
 
         Raises:
-            InvalidParameter: the ground before the goal has no tread on which the soles fit.
+            InvalidParameter: the feet stand on no tread, or the ground before the goal has none on which they fit.
         """
         # The soles may have slipped apart; the stride is planned from the one that is farther ahead.
         position = max(float(foot_position[0]) for foot_position in positions.values())
@@ -333,6 +344,7 @@ class BallFootholds:
         self._gait = gait
         self._distance = distance
         self._height = height
+        # The map gives points (m, 3), of which only the horizontal position counts here.
         self._map = HeightMap(lambda points: height(points[:, :2]), _BALL_HALF)
         # Position of each foot from the middle of the feet on level ground, shape (2,) [m].
         middle = np.mean([foot.home[:2] for foot in feet.values()], axis=0)
@@ -366,6 +378,7 @@ class BallFootholds:
             name: self._find_foothold(name, aim + home, positions[name])
             for name, home in self._homes.items()
         }
+        # No progress: uneven ground has kept the feet near where they are.
         reached = np.mean([goal[0] for goal in goals.values()])
         if reached < middle[0] + LEAST_STRIDE:
             if aim[0] < self._distance:
@@ -390,7 +403,7 @@ class BallFootholds:
             current: current position and turn of the foot, shape (3,).
 
         Returns:
-            Position and turn, shape (3,).
+            Position and turn, shape (3,). The turn is 0: the foot shall look along the path.
 
         Raises:
             InvalidParameter: the ground is not even enough, or too high or too low, at all positions nearby.
@@ -403,7 +416,10 @@ class BallFootholds:
         square = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
 
         def is_allowed(shifts: Shifts) -> npt.NDArray[np.bool_]:
-            """Whether the ground at the desired position, moved by each of some shifts, is even and in reach."""
+            """Whether the ground at the desired position, moved by each of some shifts, is even and in reach.
+
+            A shift is a complex number: its real part is ahead, its imaginary part to the left [m].
+            """
             centres = desired + np.stack([shifts.real, shifts.imag], axis=-1)[..., np.newaxis, :]
             points = (centres + square).reshape(-1, 2)
             heights = self._height(points).reshape(*shifts.shape, len(square))
@@ -411,8 +427,8 @@ class BallFootholds:
             is_in_reach = np.abs(heights - level).max(axis=-1) <= rise
             return np.asarray(is_even & is_in_reach)
 
+        # The best shift that is allowed, with no shift before. The map returns no shift as well if none is allowed.
         shift = self._map.shift([complex(*desired)], 0j, is_allowed, level, rise)
-        # The map returns no shift as well if none is allowed.
         if not is_allowed(np.array([shift])).all():
             lacks = message(
                 "programs.even_place_for_foot",

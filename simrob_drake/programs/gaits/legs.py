@@ -43,8 +43,9 @@ def leg_angles(
     Args:
         model: the robot.
         foot: the foot, with the leg that carries it.
-        target: desired poses of the foot's point in the world, shape (m, 4, 4); an identity rotation is flat and ahead.
-        root: poses of the robot's root link in the world, shape (m, 4, 4).
+        target: desired poses of the foot's point, the middle of its contact, shape (m, 4, 4); with an identity rotation
+            the foot is flat and looks ahead. They are in any frame, such as the world.
+        root: poses of the robot's root link in the same frame, shape (m, 4, 4).
         start: angles of all n axes from which the search begins, shape (m, n) [rad].
         times: times of the poses, shape (m,) [s], for messages. If it is None, their indices are used.
 
@@ -52,7 +53,8 @@ def leg_angles(
         the angles `start` with those of the leg's axes replaced, shape (m, n) [rad].
 
     Raises:
-        OutOfReach: the leg is too short for a pose, or a joint is beyond a limit; names the time and the excess.
+        OutOfReach: the leg is too short for a pose, or a joint is beyond a limit; the message has the time and the
+            excess.
         InvalidParameter: the leg has neither three, four nor six joints.
     """
     axes = list(foot.axes)  # indices of the leg's axes
@@ -78,6 +80,7 @@ def leg_angles(
     angles = start.copy()
     angles[:, axes] = fit.postures
     message_times = np.arange(len(angles), dtype=float) if times is None else times
+    # Only coordinates that such a leg can reach count. The message has the largest error of the position.
     if np.abs(fit.errors[:, rows]).max() > _LARGEST_ERROR:
         position_rows = [row for row in rows if row < _POSITION_ROWS]
         distances = np.linalg.norm(fit.errors[:, position_rows], axis=1)
@@ -98,7 +101,7 @@ def leg_angles(
 
 
 def _two_digits(value: float) -> str:
-    """Write a positive number with its first two significant digits, or as an integer from 10 on."""
+    """Write a positive number with two significant digits, or as an integer from 10 on: 0.123 is 0.12, 123.4 is 123."""
     return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
@@ -112,7 +115,8 @@ def _check_limits(model: RobotModel, foot: Foot, angles: Vector, times: Vector) 
         times: times of the postures for the message, shape (m,) [s].
 
     Raises:
-        OutOfReach: a joint is beyond a limit; the message names the posture in which it is furthest beyond.
+        OutOfReach: a joint is beyond a limit; the message has the time at which it is furthest beyond. Of several such
+            joints the first one of the leg is named.
     """
     excess = model.limits.excess(angles)
     for axis in foot.axes:

@@ -93,7 +93,11 @@ class JointMotion:
 
         Args:
             overrides: further changes, as for ``load_station``. The keys that they set are not adapted to the motion.
+                If it is None, there are none.
             name: name of the station. If it is None, ``<robot>_dynamic``.
+
+        Raises:
+            SimrobError: there is no such station, or a change has a wrong key or value.
         """
         # The robot starts in the first posture of the plan. A program of the station would move the same axes.
         settings: dict[str, Any] = {
@@ -143,7 +147,7 @@ class JointMotion:
         Args:
             config: the station.
             robot: name of the robot that performs the motion.
-            start: distance of the robot from the world's origin at the start [m].
+            start: the larger one of the robot's distances from the world's origin along x and along y at the start [m].
             changed: dotted keys of the station, such as ``floor.size``, that are not adapted.
         """
         if not config.engine.moves_by_forces:
@@ -172,7 +176,7 @@ class JointMotion:
 
 
 def monitors_without_fall(config: StationConfig, robot: str) -> dict[str, Any]:
-    """Monitors of a station by name, without those that end a run when a robot falls.
+    """Monitors of a station by name, without those that end a run when one robot falls. Those of other robots stay.
 
     Args:
         config: the station.
@@ -261,6 +265,7 @@ class Gait(Strict):
             InvalidConfig: a parameter has an invalid value.
         """
         file = walker.gaits
+        # Content of the file by the name of the gait; empty if the file has no such section.
         gaits = file.section(cls.section)
         if name not in gaits:
             # An empty section would give a message without any name: then gaits of other kinds are proposed.
@@ -289,7 +294,7 @@ class Gait(Strict):
 
         Args:
             changes: new values of parameters. They are not scaled.
-            amplitude: factor of the parameters in :attr:`scaled`.
+            amplitude: factor of the parameters in :attr:`scaled`. 1 leaves them as they are.
             name: name of the gait, for error messages.
 
         Raises:

@@ -109,12 +109,12 @@ class GaitPlan:
 
 
 def gait_plan(feet: Mapping[str, Vector], zmp: Vector, phases: Sequence[Phase]) -> GaitPlan:
-    """Put phases one after the other, and sample them.
+    """Put phases one after the other, and sample them. The trunk is not turned at the start.
 
     Args:
         feet: foothold (3,) of every foot at the start, by the foot's name.
         zmp: zero-moment point at the start, shape (2,) [m].
-        phases: the phases, which swing no other feet than those of `feet`.
+        phases: the phases, at least one. They swing no other feet than those of `feet`.
 
     Raises:
         InvalidParameter: there is no phase, or the phases take longer than the longest plan.
@@ -157,6 +157,9 @@ def _swing_path(path: Vector, elapsed: Vector, landing: Vector, phase: Phase) ->
         elapsed: times since the start of the phase, shape (k,) [s].
         landing: foothold on which the foot lands, shape (3,).
         phase: the phase.
+
+    Returns:
+        The path with the swing, shape (k, 4). After the phase the foot stays at its landing.
     """
     swing_time = phase.duration - phase.delay - phase.rest
     share = _linear_share(elapsed - phase.delay, swing_time)
@@ -169,6 +172,8 @@ def _swing_path(path: Vector, elapsed: Vector, landing: Vector, phase: Phase) ->
 
 def _swing_height(elapsed: Vector, swing_time: float, hold: float) -> Vector:
     """Compute the height of a swinging foot as a part of its largest height: from 0 to 1 and back to 0.
+
+    Before the lift-off and after the touchdown it is 0.
 
     Args:
         elapsed: times since the lift-off, shape (k,) [s].
@@ -186,17 +191,20 @@ def _swing_height(elapsed: Vector, swing_time: float, hold: float) -> Vector:
 
 
 def _linear_share(elapsed: Vector, duration: float) -> Vector:
-    """Part of a duration [s] that has elapsed, between 0 and 1. A duration of 0 has elapsed at time 0."""
+    """Part of a duration [s] that has elapsed at times (k,) since its begin [s], from 0 to 1, shape (k,).
+
+    Before the begin it is 0. A duration of 0 has elapsed at the time 0.
+    """
     if duration > 0:
         return np.clip(elapsed / duration, 0.0, 1.0)
     return np.asarray(elapsed >= 0, dtype=float)
 
 
 def samples(duration: float) -> Vector:
-    """Times of the samples of a plan, from 0 on, shape (m,) [s].
+    """Times of the samples of a plan, from 0 on in equal steps, shape (m,) [s].
 
     Args:
-        duration: duration of the plan [s].
+        duration: duration of the plan [s]. It is rounded to whole steps.
 
     Raises:
         InvalidParameter: the duration is not positive, or longer than the longest plan.
@@ -234,6 +242,7 @@ def pose_after(pose: Vector, ahead: float = 0.0, left: float = 0.0, turn: float 
     """
     cosine = np.cos(pose[2])
     sine = np.sin(pose[2])
+    # The move ahead and to the left is turned by the turn of the pose before.
     move = np.array([cosine * ahead - sine * left, sine * ahead + cosine * left, turn])
     return np.asarray(pose + move)
 
@@ -254,6 +263,7 @@ def ramp_shares(steps: int, ramp_steps: int) -> Vector:
     """
     ramp = min(ramp_steps, steps)
     number = np.arange(steps + ramp + 1, dtype=float)
+    # Steps from the start and to the end. In a ramp of r steps, step i has the share i / (r + 1).
     from_start = number + 1
     to_end = steps + ramp - number
     return np.asarray(np.minimum(1.0, np.minimum(from_start, to_end) / (ramp + 1)))

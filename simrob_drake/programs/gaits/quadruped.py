@@ -1,7 +1,8 @@
 """Gaits on four legs: the trot, the crawl, and standing on three feet.
 
 All of them plan footholds and the zero-moment point (ZMP) in the frame of :mod:`~simrob_drake.programs.gaits.phases`:
-x ahead, y to the left, the origin in the middle of the feet at the start.
+x ahead, y to the left, the origin in the middle of the feet at the start. A foothold is a vector (3,): x [m], y [m] and
+the foot's turn to the left [rad]. The trunk goes where the ZMP is planned.
 """
 
 from typing import Any, ClassVar
@@ -72,6 +73,7 @@ class Trot(EvenSteps, SolvedGait):
         phases = [Phase(duration=self.settle, zmp=origin, transfer=0.0)]
         pose = np.zeros(3)  # of the middle of the feet: x, y, turn
         full_step = np.array([self.step_length, self.sideways, np.deg2rad(self.turn_deg)])
+        # Each share is the length of a step over that of a full one: it grows at the start, and is 0 for the last step.
         for number, share in enumerate(ramp_shares(steps, self.ramp_steps)):
             landing = pose_after(pose, *(share * full_step))
             # The trunk goes over the middle between the pair that stands and the pair that lands, and leads it.
@@ -235,7 +237,13 @@ def crawl(
 def three_legs(
     robot: str | RobotModel | Walker, name: str = "three_legs", **changes: Any
 ) -> JointMotion:
-    """Plan to raise one foot, the parameter `foot`, and to stand on the other three; see :meth:`Gait.plan_by_name`."""
+    """Plan to raise one foot, and to stand on the other three; see :meth:`Gait.plan_by_name`.
+
+    Args:
+        robot: name or model of the robot, or a :class:`Walker`.
+        name: name of the stand in the robot's ``gaits.yaml``.
+        **changes: values of parameters that replace those of the file, such as `foot`, the name of the raised foot.
+    """
     return Stand.plan_by_name(robot, 0, name, **changes)
 
 
@@ -287,7 +295,7 @@ def nearest_inside(point: Vector, triangle: Vector, margin: float) -> Vector:
 
 
 def _middle_of(footholds: dict[str, Vector]) -> Vector:
-    """Mean position of the feet, shape (2,) [m], from their footholds (3,)."""
+    """Mean position of the feet, shape (2,) [m], from their footholds (3,) by name."""
     return np.asarray(np.mean([foothold[:2] for foothold in footholds.values()], axis=0))
 
 
@@ -317,8 +325,11 @@ def _motion_of_phases(
     Args:
         walker: the robot.
         gait: the gait.
-        start: foothold (3,) of each foot at the start.
-        phases: the phases, one after the other.
+        start: foothold (3,) of each foot at the start, by name.
+        phases: the phases, one after the other. At the start the ZMP is in the middle of the feet, the origin.
+
+    Raises:
+        OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
     """
     plan = gait_plan(start, np.zeros(2), phases)
     return WholeBody(walker, gait, plan).solve()[0]

@@ -4,8 +4,8 @@ A kind of gait is a class such as `BipedWalk`; a gait is an entry in a robot's f
 for each kind. A new kind of the core is a file in this folder and a name in the list `_CORE`; installed extensions add
 further kinds.
 
-A robot may have several kinds of feet, such as spheres and soles. Each gait is made for one kind; a robot can use it on
-other feet that are about as large.
+A robot may have several kinds of feet, such as spheres and soles. The kind that it has in a station is *worn*. Each
+gait is *made* for one kind; a robot can use it on other feet that are about as large.
 """
 
 from collections.abc import Mapping
@@ -120,10 +120,13 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
 
 
 def has_gait(model: RobotModel, kind: type[Gait], name: str) -> bool:
-    """Check whether a robot has a gait of a kind, by its name in the robot's `gaits.yaml`."""
+    """Check whether a robot has a gait of a kind, by its name in the robot's `gaits.yaml`.
+
+    It is False if the robot has no such file, or one with a wrong entry.
+    """
     try:
         gaits = load_gaits(model)
-    except SimrobError:  # a robot without such a file
+    except SimrobError:
         return False
     return name in getattr(gaits, kind.section)
 
@@ -148,7 +151,7 @@ def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
 
 
 def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -> str:
-    """Find the name of the first gait for the feet that a robot has.
+    """Find the name of the first gait for the feet that a robot has, in the order of `known`.
 
     Gaits that are made for these feet come before those that are made for others about as large.
 
@@ -181,7 +184,10 @@ def first_gait(model: RobotModel, worn: str | None, known: Mapping[str, Gait]) -
 
 
 def _no_walk(model: RobotModel) -> Unsuitable:
-    """Make the error for a robot without any gait with steps. Most of them walk by commands."""
+    """Make the error for a robot without any gait with steps. Its message says how the robot can walk or move instead.
+
+    Most of these robots walk by commands: their file of gaits has a section for a walk that reacts to measurements.
+    """
     subject = message("base.robot_called", "robot {name}", name=model.name)
     file = gaits_file(model)
     if not file.section(REACTING):
@@ -205,7 +211,10 @@ def _no_walk(model: RobotModel) -> Unsuitable:
 
 
 def _foot_sizes(model: RobotModel, kind: str) -> dict[str, Vector]:
-    """Length and width of the contact of each foot of a kind, by link, shape (2,) [m]."""
+    """Length and width of the contact of each foot of a kind, by the name of its link, shape (2,) [m].
+
+    They are measured along x and y of the link.
+    """
     assert model.feet is not None  # a robot with a kind of feet has feet
     contact = model.feet.kind(kind)
     return {link: np.ptp(contact.support_points(link)[:, :2], axis=0) for link in contact.links}

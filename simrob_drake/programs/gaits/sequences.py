@@ -1,7 +1,8 @@
 """Gaits that are sequences of postures: a march as in the thesis, bows, waves, swimming strokes.
 
 A posture is given by the angles of the axes, not by footholds; nothing keeps the robot in balance. The root link is
-planned to stay where the robot stands in the first posture.
+planned to stay where the robot stands in the first posture. *Knots* are postures with the times at which the robot is
+in them.
 
 "The thesis" is the work on a humanoid for which the original of this toolbox, SimRob, was written: it joined postures
 by straight lines and gave the servos positions only.
@@ -144,7 +145,10 @@ class Posing(Gait):
         return replace(motion, feed_velocity=self.feed_velocity, falls=self.falls)
 
     def _knots(self, model: RobotModel) -> _Knots:
-        """Compute the postures of all repetitions, and their times."""
+        """Compute the postures of all repetitions, and their times.
+
+        The times ascend only if those of the targets do, which is not checked here.
+        """
         # The start is the posture at the time 0. A repetition continues from the last target, not from the start.
         times = [0.0]
         postures = [_posture(model, self.start_deg, np.zeros(len(model.axes)))]
@@ -158,7 +162,13 @@ class Posing(Gait):
 
 
 def posing(robot: str | RobotModel | Walker, name: str, **changes: Any) -> JointMotion:
-    """Plan one of a robot's sequences of postures; see :meth:`Gait.plan_by_name`."""
+    """Plan one of a robot's sequences of postures; see :meth:`Gait.plan_by_name`.
+
+    Args:
+        robot: name or model of the robot, or a :class:`Walker`.
+        name: name of the sequence in the robot's ``gaits.yaml``.
+        **changes: values of parameters that replace those of the file.
+    """
     return Posing.plan_by_name(robot, 0, name, **changes)
 
 
@@ -194,7 +204,7 @@ def _posture(model: RobotModel, values: AxisValues, default: Vector) -> Vector:
 
     Args:
         model: the robot.
-        values: angles of some axes [deg].
+        values: angles of some axes by name, one for each axis, or one for all [deg].
         default: angles of the axes that are left out, shape (n,) [rad].
 
     Returns:
@@ -215,7 +225,7 @@ def _join_postures(
     Args:
         walker: the robot.
         feet: kind of its feet. If it is None, the default one.
-        knots: the postures and their times.
+        knots: at least two postures, and their times in ascending order.
         ramps: ``smooth`` comes to rest in each posture, ``linear`` goes from one to the next at a constant speed.
         rest: time to stay in the last posture [s].
     """
@@ -227,8 +237,9 @@ def _join_postures(
     before = np.clip(np.searchsorted(times, sample_times, side="right") - 1, 0, len(times) - 2)
     starts = times[before]
     ends = times[before + 1]
+    # How much of the way between two postures is done at each sample, from 0 to 1.
     share = np.clip((sample_times - starts) / (ends - starts), 0.0, 1.0)
-    # Without this the speed jumps at each posture, as in the thesis.
+    # Linear shares stay as they are: then the speed jumps at each posture, as in the thesis.
     if ramps == "smooth":
         share = smooth(share)
     positions = postures[before] + share[:, np.newaxis] * (postures[before + 1] - postures[before])

@@ -6,6 +6,9 @@ pose is the identity rotation while the foot stands flat and looks ahead.
 
 A foot is either a sole or a ball. Balls roll while they stand, so that their middle moves over the floor as the leg
 turns. A ball of radius r that turns at :math:`\omega` without slipping moves by :math:`\dot c = \omega \times r e_z`.
+
+The root link of a robot is the one on which its legs hang, mostly its trunk. A skeleton has the links, joints and
+masses of a robot.
 """
 
 from collections.abc import Collection
@@ -64,7 +67,7 @@ class Foot:
 
         Args:
             angles: angles of all n axes of the robot, shape (m, n) [rad].
-            root: poses of the root link, shape (m, 4, 4).
+            root: poses of the root link in any frame, shape (m, 4, 4). The result is in the same frame.
         """
         leg_angles = angles[:, list(self.axes)]
         return self.leg.tool_poses(self.leg.frames(leg_angles, root))
@@ -86,12 +89,15 @@ def rotations_about(direction: Vector, angles: Vector) -> Vector:
 
 
 def upright_rotation(gravity: Vector) -> Vector:
-    """Rotation (3, 3) about a horizontal axis that turns the z axis against gravity (3,)."""
-    axis = np.cross(UP, -gravity)
+    """Rotation (3, 3) about a horizontal axis that turns the z axis against gravity (3,).
+
+    It is the identity if gravity is along -z, on level ground.
+    """
+    axis = np.cross(UP, -gravity)  # not of unit length
     sine = float(np.linalg.norm(axis))  # times |gravity|, which cancels in the arc tangent
     if sine == 0:
         return np.eye(3)
-    angle = np.arctan2(sine, -gravity[2])
+    angle = np.arctan2(sine, -gravity[2])  # between z and the direction against gravity [rad]
     return np.asarray(rotations_about(axis / sine, np.array([angle]))[0])
 
 
@@ -124,11 +130,13 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
             message("programs.legged_robot", "a robot with feet"),
         )
     contact = model.feet.kind(kind)
+    # Transform (4, 4) from the frame of the root link to that in which the robot walks along x.
     facing = stack_poses(np.zeros((1, 3)), facing_rotation(facing_deg)[np.newaxis])[0]
     feet = []
     for link in contact.links:
         # With all axes at zero each foot stands flat and looks ahead: this defines its upright rotation.
-        home = facing @ skeleton.links[link][1]  # pose of the link when all axes are zero
+        # The pose `home` of the link is seen from the root.
+        home = facing @ skeleton.links[link][1]
         upright = home[:3, :3]
         # A box is a sole, spheres are a ball. A foot of several spheres, such as one at each corner, is flat as well.
         if link in contact.boxes:
@@ -180,11 +188,12 @@ def _foot_name(skeleton: Skeleton, link: str) -> str:
 def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:
     """Compute how far a foot that is a ball has rolled since its touchdown.
 
-    While the foot is in the air, the distance goes back to zero, because the next touchdown is planned without it.
+    While the foot is in the air, the distance goes back to zero, because the next touchdown is planned without it. A
+    foot that stands at the first sample has not rolled there.
 
     Args:
-        rotation: rotations of the ball, shape (m, 3, 3).
-        standing: whether the ball stands, shape (m,).
+        rotation: rotations of the ball at m times, shape (m, 3, 3).
+        standing: whether the ball stands at these times, shape (m,).
         radius: radius of the ball [m].
 
     Returns:
@@ -199,6 +208,7 @@ def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: 
     move = radius * np.column_stack([about[:, 1], -about[:, 0]])
     # The foot rolls between two samples only if it stands in both.
     stays_down = standing[1:] & standing[:-1]
+    # How far the ball has rolled since the first sample, in all of its times on the ground.
     path = np.vstack([np.zeros((1, 2)), np.cumsum(move * stays_down[:, np.newaxis], axis=0)])
     # From one edge to the next the foot either stands or is in the air.
     changes = np.flatnonzero(np.diff(standing.astype(int))) + 1
@@ -290,7 +300,8 @@ _OTHER_SIDE = {"left": "right", "right": "left"}
 def exchange_sides(model: RobotModel, values: Vector) -> Vector:
     """Exchange left and right in values of all axes, such as the angles of a posture.
 
-    The sides are the first words of the axes' names. Angles of yaw axes change their sign as well.
+    The sides are the first words of the axes' names, such as ``left_hip_yaw``. Axes of no side keep their values.
+    Angles of yaw axes, whose names end in ``yaw``, change their sign as well.
 
     Args:
         model: the robot.

@@ -6,6 +6,9 @@ and the trunk is moved by its answer (preview of the error: Kajita 2003). After 
 millimetres. All of this is computed in the frame of the ground: on a slope gravity is inclined, and the trunk stays
 upright against it.
 
+The *root* is the link of the trunk on which the legs hang. The *lean* of the trunk is its turn about the direction
+ahead, to the right [rad]. The *bearing* of a gait is how the robot holds its trunk and its arms.
+
 A trunk on legs without ankle roll cannot move sideways while the soles stay flat: it leans instead. Its lean
 :math:`\varphi` moves the centre of mass by :math:`k\varphi`, and acts like a pendulum of another height, :math:`Z/k`
 with :math:`Z = \sum m (z\,\partial y/\partial\varphi - y\,\partial z/\partial\varphi) / \sum m`.
@@ -48,8 +51,10 @@ class _StartPosture(NamedTuple):
     Attributes:
         angles: angles of all axes, shape (n,) [rad].
         com_height: height of the centre of mass [m].
-        com_per_lean: how far the centre of mass moves to the left by a lean, k of the module [m/rad].
-        lean_height: height of the pendulum that answers to the ZMP as a lean does, Z/k of the module [m].
+        com_per_lean: how far the centre of mass moves to the left by a lean to the right, k of the module [m/rad]. It
+            has no meaning if the robot does not lean.
+        lean_height: height of the pendulum that answers to the ZMP as a lean does, Z/k of the module [m]. It has no
+            meaning if the robot does not lean.
     """
 
     angles: Vector
@@ -93,7 +98,7 @@ class WholeBody:
         self._rolled = {foot.name: np.zeros((len(plan.times), 2)) for foot in self.feet}
 
     def solve(self, rounds: int = ROUNDS) -> tuple[JointMotion, Vector]:
-        """Solve the plan.
+        """Solve the plan: compute the joint angles with which the whole robot has the planned ZMP.
 
         Args:
             rounds: count of rounds in which the error of the zero-moment point is reduced.
@@ -111,12 +116,14 @@ class WholeBody:
         desired = self.plan.zmp
         pull = -float(self.walker.gravity[2])  # gravity towards the ground [m/s²]
 
-        # Without any error known: the linear inverted pendulum. `position` is that of the trunk, (m, 2) [m].
+        # First, while no error is known, the trunk moves as the linear inverted pendulum. Its horizontal position has
+        # the shape (m, 2) [m].
         position = com_from_zmp(desired, step=SAMPLE, height=start.com_height, gravity=pull)
         lean = np.zeros(count)
         angles, root = self._postures(position, lean, angles)
         zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE, self.walker.gravity)
         for _ in range(rounds):
+            # How the pendulum answers to the missing part of the ZMP is how the trunk is moved in addition.
             missing = desired - zmp
             move = com_from_zmp(missing, step=SAMPLE, height=start.com_height, gravity=pull)
             if self.leans:
@@ -165,24 +172,33 @@ class WholeBody:
             position: horizontal position of the root link in this part, shape (k, 2) [m].
             lean: lean of the trunk to the right, shape (k,) [rad].
             angles: angles from which the inverse kinematics begins, shape (k, n) [rad].
+
+        Returns:
+            Angles of all axes (k, n) [rad], and poses of the root link (k, 4, 4). Legs that cannot place their feet
+            sideways move the root from the given position.
+
+        Raises:
+            OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
         """
         plan = self.plan
         bearing = self.gait.bearing
         count = len(lean)
 
-        # Rotation of the root: against gravity, to the heading, pitched, leaned, and from its own link frame.
+        # Rotation of the root, from its own link frame (on the right) outward: to look along x, leaned, pitched, turned
+        # to the heading, and upright against gravity.
         turned = rotations_about(UP, plan.heading[part])
         pitched = rotations_about(LEFT, np.full(count, np.deg2rad(bearing.pitch_deg)))
         leaned = rotations_about(AHEAD, lean)
         rotation = self._upright @ (turned @ pitched @ leaned) @ facing_rotation(self.facing_deg)
+        # The height of the ground may be one number for all samples.
         height = bearing.height + np.broadcast_to(plan.ground, len(plan.times))[part]
         root = stack_poses(np.column_stack([position, height]), rotation)
 
         angles = self._set_free_axes(part, angles, lean)
-        # how far the feet are from their paths on average, to the left [m]
-        sideways = np.zeros(count)
+        sideways = np.zeros(count)  # how far the feet have to be moved to the left on average [m]
         for foot in self.feet:
             path = plan.feet[foot.name][part]  # x, y, height and turn of the sole
+            # The point of the foot, the middle of its contact, is above its sole. A ball has rolled on the ground.
             goal = path[:, :3] + foot.over * UP
             goal[:, :2] += self._rolled[foot.name][part]
             target = stack_poses(goal, rotations_about(UP, path[:, 3]))
@@ -195,7 +211,12 @@ class WholeBody:
         return angles, root
 
     def _update_rolled(self, angles: Vector, root: Vector) -> None:
-        """Store how far each foot that is a ball rolls in a motion, for the next round."""
+        """Store how far each foot that is a ball rolls in a motion, for the next round.
+
+        Args:
+            angles: angles of all axes, shape (m, n) [rad].
+            root: poses of the root link, shape (m, 4, 4).
+        """
         for foot in self.feet:
             if foot.is_ball:
                 rotations = foot.poses(angles, root)[:, :3, :3]
@@ -217,7 +238,7 @@ class WholeBody:
         leg_axes = {axis for foot in self.feet for axis in foot.axes}
         free_axes = [axis for axis in range(angles.shape[1]) if axis not in leg_axes]
         feet = self.plan.feet
-        stride = 0.0 * lean
+        stride = 0.0 * lean  # how far the left foot is ahead of the right one, shape (k,) [m]
         if "left_foot" in feet:  # only a robot on two legs swings its arms
             stride = feet["left_foot"][part, 0] - feet["right_foot"][part, 0]
         # A lean to the left moves the arms as the mirror image of a lean to the right.
@@ -233,7 +254,11 @@ class WholeBody:
         return result
 
     def _start_posture(self) -> _StartPosture:
-        """Solve the first sample of the plan, and measure the pendulums of the robot in it."""
+        """Solve the first sample of the plan, and measure the pendulums of the robot in it.
+
+        Raises:
+            OutOfReach: a leg cannot reach its foothold.
+        """
         plan = self.plan
         first = GaitPlan(
             times=plan.times[:1],
@@ -241,13 +266,14 @@ class WholeBody:
             zmp=plan.zmp[:1],
             heading=plan.heading[:1],
         )
+        # A solution of this sample alone, with the trunk over the ZMP.
         start = WholeBody(self.walker, self.gait, first)
         angles = self._posture[np.newaxis]
         # A lean to one side only: the arms answer to a lean to the left and to the right by different angles.
         # Each solution begins at the one before, so the order of the two is part of the result.
         angles, leaning_points = start._leaning(_SMALL_LEAN, angles)
         angles, points = start._leaning(0.0, angles)
-        shares = self.skeleton.point_masses / self.skeleton.mass
+        shares = self.skeleton.point_masses / self.skeleton.mass  # of the whole mass
         height = float(shares @ points[:, 2])
         if not self.leans:
             return _StartPosture(angles[0], height, com_per_lean=1.0, lean_height=height)
@@ -277,9 +303,13 @@ class WholeBody:
         Args:
             angles: angles of all axes, shape (m, n) [rad].
             root: poses of the root link in the frame of the plan, shape (m, 4, 4).
+
+        Returns:
+            The motion. In the world of its poses, the robot begins over the origin with its root not turned.
         """
+        # From walking along x to the direction in which the robot looks.
         facing = facing_rotation(-self.facing_deg)
-        horizontal = np.array([1.0, 1.0, 0.0])
+        horizontal = np.array([1.0, 1.0, 0.0])  # keeps x and y, without the height
         positions = (root[:, :3, 3] - root[0, :3, 3] * horizontal) @ facing.T
         poses = stack_poses(positions, facing @ root[:, :3, :3])
         return JointMotion(

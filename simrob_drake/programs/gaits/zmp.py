@@ -48,16 +48,18 @@ def whole_body_zmp(
 
     Args:
         skeleton: links, joints and masses of the robot.
-        root: poses of the root link, shape (m, 4, 4). The z axis of their frame is the normal of the floor.
+        root: poses of the root link, shape (m, 4, 4). The z axis of their frame is the normal of the floor, which is at
+            z = 0.
         angles: angles of all n axes, shape (m, n) [rad].
         step: time between two postures [s].
         gravity: gravity in the frame of the poses, shape (3,) [m/s²].
 
     Returns:
-        Zero-moment point at each posture, shape (m, 2) [m].
+        Zero-moment point at each posture in the frame of the poses, shape (m, 2) [m].
     """
     count = len(angles)
     result = np.empty((count, 2))
+    # A part of the postures at a time, because positions of all mass points would need much memory.
     for start in range(0, count, _CHUNK):
         # One more posture on each side, because the acceleration is a central difference.
         end = min(start + _CHUNK, count)
@@ -73,6 +75,8 @@ def whole_body_zmp(
 def _zmp_of_points(points: Vector, masses: Vector, step: float, gravity: Vector) -> Vector:
     """Compute the zero-moment point of moving mass points, by the first equation of the module.
 
+    At the first and the last time the points are taken to have no acceleration.
+
     Args:
         points: positions of k mass points at m times, shape (m, k, 3) [m].
         masses: masses of the points, shape (k,) [kg].
@@ -82,12 +86,13 @@ def _zmp_of_points(points: Vector, masses: Vector, step: float, gravity: Vector)
     Returns:
         Zero-moment point, shape (m, 2) [m].
     """
-    # Acceleration without gravity: the central difference, and zero at both ends, where the robot rests.
+    # Acceleration: the central difference, and zero at both ends, where the robot rests. Gravity is then subtracted.
     acceleration = np.zeros_like(points)
     acceleration[1:-1] = (points[2:] - 2.0 * points[1:-1] + points[:-2]) / step**2
     acceleration -= gravity
     vertical_forces = masses * acceleration[..., 2]  # m (z'' + g), shape (m, k) [N]
     heights = masses * points[..., 2]  # m z, shape (m, k) [kg m]
+    # The two sums of the numerator, for x and y, shape (m, 2) [N m].
     upright_moment = np.einsum("mk,mkx->mx", vertical_forces, points[..., :2])
     tilting_moment = np.einsum("mk,mkx->mx", heights, acceleration[..., :2])
     moment = upright_moment - tilting_moment

@@ -1,6 +1,9 @@
 """Moves that attach a piece to a robot or to another piece (SimRob's PegarEn), and that release it.
 
 An attached piece moves with its *parent*: a robot's tool or link, another piece, or the world.
+
+Arms *perform* a move at once. For a robot with legs the whole program is checked first: the *outlook* is the station as
+it will be before a move, and the *stage* of a move is the function that performs it later.
 """
 
 from typing import Annotated, ClassVar, NamedTuple
@@ -20,7 +23,8 @@ class Mount(NamedTuple):
 
     Attributes:
         parent: name of a robot or a piece, or ``world``.
-        frame: name of the parent's frame, tool or link. If it is None, its tool centre point.
+        frame: name of the parent's frame, tool or link. If it is None, the tool centre point of a piece, or the first
+            tool of a robot.
     """
 
     parent: str
@@ -49,9 +53,19 @@ class AttachMove(Move):
     """Robot of the station that takes the piece. If it is not set, that of the program."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Attach the piece: to the current tool of an arm, unless the move names another tool or a parent."""
+        """Attach the piece: to the current tool of an arm, unless the move names another tool or a parent.
+
+        Args:
+            cell: the station.
+            robot: name of the robot whose program it is. If it is None, the only robot.
+            run: not used, because the move takes no time.
+
+        Raises:
+            SimrobError: there is no such robot, piece or parent, or the piece is too far away; see
+                :meth:`StatefulStation.attach`.
+        """
         own_robot = self.robot or robot
-        # The tool that is in use may have been changed by a `tool` move, so only the station can resolve it.
+        # The tool that is in use may have been changed by a `tool` move, so only the station can find it.
         if self.parent is None and self.tool is None:
             cell.take(self.piece, own_robot, frame=self.frame, pose=self.pose)
             return
@@ -61,9 +75,18 @@ class AttachMove(Move):
         cell.attach(self.piece, mount.parent, frame=mount.frame, pose=self.pose)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Return the stage in which a robot with legs takes the piece, however far away the piece is now.
+        """Return the stage in which a robot with legs takes the piece.
 
-        The outlook gets the station with the attached piece.
+        The outlook gets the station with the attached piece, however far away the piece is now: where the robot will be
+        is not known. The stage itself refuses a piece that is too far away then.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages.
+
+        Raises:
+            SimrobError: there is no such piece, parent or frame.
         """
         mount = self.mount(outlook.station, self.robot or robot.name)
         model = StationModel(outlook.station)
@@ -74,7 +97,7 @@ class AttachMove(Move):
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:
-            """Attach the piece."""
+            """Attach the piece on the station of the robot that runs the program."""
             # The stage runs on the station of that time, which may differ from the outlook.
             with naming(name):
                 mount = self.mount(robot.cell.config, self.robot or robot.name)
@@ -83,11 +106,11 @@ class AttachMove(Move):
         return run_stage
 
     def mount(self, station: StationConfig, robot: str) -> Mount:
-        """Find the parent of the piece: another piece that a robot carries, or the robot itself.
+        """Find the parent of the piece: the one that the move names, or else a piece that is the tool, or the robot.
 
         Args:
             station: the station.
-            robot: name of the robot that takes the piece.
+            robot: name of the robot that takes the piece. It is not used if the move names a parent or a piece.
         """
         if self.parent is not None:
             return Mount(self.parent, self.frame)
@@ -115,13 +138,21 @@ class ReleaseMove(Move):
     """Frame of a parent that is a piece, instead of its tool centre point."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Release the piece."""
+        """Release the piece. The move takes no time, so `run` is not used; nor is the name of the robot."""
         cell.release(self.piece, self.parent, frame=self.frame, fixed=self.fixed)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Return the stage in which a robot with legs releases the piece.
 
         The outlook gets the station with the released piece.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages.
+
+        Raises:
+            SimrobError: the piece is attached to nothing or cannot fall, or there is no such piece or parent.
         """
         model = StationModel(outlook.station)
         outlook.station = release_piece(
@@ -131,7 +162,7 @@ class ReleaseMove(Move):
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> None:
-            """Release the piece."""
+            """Release the piece on the station of the robot that runs the program."""
             with naming(name):
                 robot.cell.release(self.piece, self.parent, frame=self.frame, fixed=self.fixed)
 

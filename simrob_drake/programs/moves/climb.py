@@ -2,7 +2,10 @@
 
 A stride brings all feet ahead once. Its footholds are chosen on the ground as the station has it, and it is planned
 from where the feet stand after the stride before. The frame of the climb has its origin in the middle of the feet at
-the start and its x axis in the direction in which they look.
+the start and its x axis in the direction in which they look. A *foothold* is the place to which a foot goes.
+
+A program is checked as a whole before it runs. The *outlook* is the station as it will be before a move, and the
+*stage* of a move is the function that performs it later.
 """
 
 from collections.abc import Mapping
@@ -58,7 +61,7 @@ class ClimbMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move without the parameters of its gait, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers, without the parameters of the gait; see :meth:`Move.possible_keys`.
 
         Returns None if the robot cannot climb: its `gaits.yaml` lacks the usual climb, or its soles have no edges.
         """
@@ -69,7 +72,17 @@ class ClimbMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that the robot can stride on level ground, and return the stage that climbs.
 
-        The ground is not checked before the stage begins, because earlier moves decide where the robot stands then.
+        The ground is not checked before the stage begins, because earlier moves decide where the robot stands then. The
+        outlook is marked as changed, because where the climb ends is not known before.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages.
+
+        Raises:
+            InvalidParameter: the distance is too long for one move.
+            SimrobError: the robot cannot make such a stride.
         """
         changes = self.model_extra or {}
         if self.distance > _FARTHEST:
@@ -87,11 +100,18 @@ class ClimbMove(Move):
         outlook.changed = True
 
         def run_stage(robot: LeggedGeometry) -> SimulationResult | None:
-            """Climb from where the robot stands. Returns None if it is at the goal already."""
+            """Climb from where the robot stands, with one run for each stride, and join the runs.
+
+            Returns None if the robot is at the goal already.
+
+            Raises:
+                SimrobError: a stride to the goal is not possible. If it is found before the first one, nothing moves.
+            """
             with naming(name):
                 gait = Climb.of(Walker.of(robot.model), self.gait, changes)
                 path = ClimbPath.of(robot, gait, self.distance)
-                # Plan all strides before the first one, so that an impossible one is found at once.
+                # Plan all strides before the first one, so that an impossible one is found at once. With `bends` the
+                # hips may be lower where the legs are too short, as on stairs.
                 for position, stride in path.expected_strides(robot).items():
                     with naming(
                         message("programs.place_ahead", "{place:.2f} m ahead", place=position)
@@ -124,7 +144,12 @@ class ClimbStance(NamedTuple):
 
 
 StrideParameters = dict[str, Any]
-"""Parameters of the gait for one stride: `start`, `goals`, `over` and `turned`. It is empty at the goal."""
+"""Parameters of the gait for one stride; empty at the goal. Positions are in the frame of the climb.
+
+`start` and `goals` are poses of the feet before and after the stride, by name: ahead, left and up [m], and the turn to
+the left [rad]. `over` is the height of the highest ground on the way [m], `turned` the turn of the trunk to the left at
+the start [rad]. Heights are above the lowest foot at the start.
+"""
 
 
 @dataclass(frozen=True)
@@ -134,9 +159,9 @@ class ClimbPath:
     Attributes:
         gait: parameters of the climb.
         feet: feet of the robot by name.
-        facing: direction in which the robot looks while its root is not turned, from the world's x [rad].
-        origin: middle of the feet at the start in the world, shape (2,) [m].
-        heading: direction of the path, from the world's x [rad].
+        facing: direction in which the robot looks while its root is not turned, from the world's x to the left [rad].
+        origin: middle of the feet at the start in the world, horizontal, shape (2,) [m].
+        heading: direction of the path, from the world's x to the left [rad].
         footholds: choice of the footholds on the ground ahead.
     """
 
@@ -154,10 +179,11 @@ class ClimbPath:
         Args:
             robot: the robot.
             gait: parameters of the climb.
-            distance: distance of the goal [m].
+            distance: distance of the goal ahead of the middle of the feet [m].
         """
         walker = Walker.of(robot.model)
         feet = {foot.name: foot for foot in walker.feet(gait.feet)}
+        # Poses of the feet in the world, shape (4, 4). A foot computes them for several postures, here for one.
         poses = [
             foot.poses(robot.position[np.newaxis], _root_pose(robot))[0] for foot in feet.values()
         ]
@@ -170,7 +196,10 @@ class ClimbPath:
         trunk_height = float(robot.base_pose.translation()[2])
 
         def height(positions: Vector) -> Vector:
-            """Height of the ground below the trunk's height, at positions in the frame of the climb."""
+            """Height of the ground at positions (k, 2) [m] in the frame of the climb, shape (k,) [m].
+
+            Ground that is higher than the trunk now does not count.
+            """
             # Ground above the trunk is a roof, not a floor to stand on.
             in_world = origin + positions @ to_world.T
             return ground.beneath(
@@ -184,7 +213,7 @@ class ClimbPath:
         return cls(gait, feet, facing, origin, heading, footholds)
 
     def current_stance(self, robot: LeggedGeometry) -> ClimbStance:
-        """Compute where the feet and the trunk of the robot are in the frame of the climb."""
+        """Compute where the feet and the trunk of the robot are now, in the frame of the climb."""
         to_world = _rotation(self.heading)
         positions = {}
         for name, foot in self.feet.items():
@@ -194,6 +223,7 @@ class ClimbPath:
             # For a row vector, the product with the rotation turns from the world into the frame of the climb.
             horizontal = (pose[:2, 3] - self.origin) @ to_world
             positions[name] = np.array([*horizontal, turn])
+        # The direction in which the trunk looks, relative to that of the path.
         root = robot.base_pose.rotation().matrix()
         trunk_turn = float(np.arctan2(root[1, 0], root[0, 0])) + self.facing - self.heading
         return ClimbStance(positions, trunk_turn)
@@ -205,7 +235,7 @@ class ClimbPath:
             stance: where the feet and the trunk are.
 
         Returns:
-            Parameters of the gait. It is empty if the robot is at the goal.
+            Parameters of the gait, see :data:`StrideParameters`. They are empty if the robot is at the goal.
 
         Raises:
             InvalidParameter: the ground ahead has no foothold.
@@ -233,10 +263,13 @@ class ClimbPath:
     def expected_strides(self, robot: LeggedGeometry) -> dict[float, StrideParameters]:
         """Compute the strides to the goal if every foot lands where it is planned to.
 
-        Strides that are alike, such as those on level ground, are returned only once.
+        Of strides that are alike, such as those on level ground, only the first one is returned.
 
         Returns:
-            Parameters of the strides, by the position ahead where each begins [m].
+            Parameters of the strides, by the position ahead of the climb's origin where each begins [m].
+
+        Raises:
+            InvalidParameter: the ground on the way has no foothold.
         """
         stance = self.current_stance(robot)
         known = set[tuple[float, ...]]()
@@ -248,12 +281,12 @@ class ClimbPath:
             changes = []
             for name, goal in goals.items():
                 changes += [goal[0] - start[name][0], goal[2] - start[name][2]]
-            likeness = tuple(np.round([*changes, stride["over"]], _ALIKE_DECIMALS).tolist())
+            likeness = tuple(np.round([*changes, stride["over"]], _ALIKE_DECIMALS).tolist())  # [m]
             if likeness not in known:
                 begin = float(np.mean([position[0] for position in stance.feet.values()]))
                 strides[begin] = stride
             known.add(likeness)
-            without_height = [0, 1, 3]
+            without_height = [0, 1, 3]  # of ahead, left, up and turn
             landed = {name: goal[without_height] for name, goal in goals.items()}
             # Every stride turns the trunk back to the direction of the path.
             stance = ClimbStance(landed, trunk_turn=0.0)
@@ -261,7 +294,7 @@ class ClimbPath:
 
 
 def _root_pose(robot: LeggedGeometry) -> Vector:
-    """Pose of the root link in the world, shape (1, 4, 4)."""
+    """Pose of the root link in the world now, shape (1, 4, 4): an array of one pose, as `Foot.poses` takes it."""
     return np.asarray(robot.base_pose.GetAsMatrix4())[np.newaxis]
 
 

@@ -1,4 +1,9 @@
-"""A robot that has fallen gets up where it lies."""
+"""A robot that has fallen gets up where it lies.
+
+A program is checked as a whole before it runs. The *outlook* is the station as it will be before a move, and the
+*stage* of a move is the function that performs it later. A *loop* is a controller around the servos of a robot, such as
+its balance.
+"""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -36,7 +41,7 @@ class GetUpMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers: all of them; see :meth:`Move.possible_keys`.
 
         Returns None if the robot has no postures for getting up, or if the station is kinematic.
         """
@@ -48,7 +53,18 @@ class GetUpMove(Move):
         return frozenset(cls.model_fields)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that the robot can get up, and return the stage in which it does."""
+        """Check that the robot can get up, and return the stage in which it does.
+
+        The outlook is marked as changed.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages. It is not used.
+
+        Raises:
+            SimrobError: see :meth:`station`.
+        """
         self.station(outlook.station, robot.name)
         # Where the robot stands afterwards is not known before.
         outlook.changed = True
@@ -70,7 +86,7 @@ class GetUpMove(Move):
         """
 
         def is_replaced(section: object) -> bool:
-            """Whether a controller is a loop of the robot, and not above all others as motor protection is."""
+            """Whether a section of the station's controllers is a loop of the robot, and not above all others."""
             if not isinstance(section, LoopSection) or section.uppermost:
                 return False
             return (section.robot or config.only_robot) == robot
@@ -80,6 +96,7 @@ class GetUpMove(Move):
             for name, section in config.controllers.items()
             if not is_replaced(section)
         }
+        # With `ends`, the controller ends the run when the robot stands.
         controllers[self.key] = GetUp(kind="get_up", robot=robot, attempts=self.attempts, ends=True)
         changes = {
             "controllers": controllers,
@@ -91,7 +108,10 @@ class GetUpMove(Move):
         return changed
 
     def _get_up(self, robot: LeggedGeometry) -> SimulationResult:
-        """Run the controller until the robot stands, or until its attempts are over."""
+        """Run the controller until the robot stands, or until its attempts are over.
+
+        The result is completed if the robot stands. Otherwise its message has the reason.
+        """
         station = self.station(robot.cell.config, robot.name)
         references = {robot.name: hold(robot.reference)}
         longest = self.attempts * _LONGEST

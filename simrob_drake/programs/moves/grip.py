@@ -1,7 +1,8 @@
 """Moves of tools: change the tool of an arm (SimRob's Tool), close its fingers on a piece, and open them.
 
-Fingers hold a piece by friction alone. The *stroke* of a gripper describes how its fingers meet: how far they are open
-at a width, and which torque or force (the *effort*) of a finger's motor makes it press with a force of 1 N.
+Fingers hold a piece by friction alone. Their *width* is the distance of their inner faces [m]; their *opening* goes
+from 0 (closed) to 1 (open). The *stroke* of a gripper describes how its fingers meet: the opening at a width, and which
+torque or force (the *effort*) of a finger's motor makes each finger press with a force of 1 N at an opening.
 """
 
 from dataclasses import replace
@@ -51,7 +52,13 @@ class ToolMove(Move):
         return self
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Change the tool of the robot; see :meth:`Move.perform`."""
+        """Change the tool of the robot.
+
+        Args:
+            cell: the station.
+            robot: name of the robot if the move names none. If it is None, too, the only robot of the station.
+            run: not used, because the move takes no time.
+        """
         tool = self.name if self.pose is None else self.pose
         assert tool is not None  # the validator checked that one of them is set
         cell.tool(cell.robot_name(self.robot or robot), tool)
@@ -90,7 +97,7 @@ class FingerMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`. Returns None if the robot has no fingers.
+        """Keys that a form for this move offers; see :meth:`Move.possible_keys`. None for a robot without fingers.
 
         A kinematic station has no forces, and fingers whose shapes do not meet have neither a width nor a force.
         """
@@ -110,12 +117,16 @@ class FingerMove(Move):
         Args:
             planning: the start of the move.
 
+        Returns:
+            The plan, whose entry for a program's file names the robot.
+
         Raises:
             InvalidParameter: the robot has no fingers, or they do not open to the width.
             Unsuitable: a width is set, and the shapes of the fingers do not determine one.
+            SimrobError: the set duration is too short.
         """
         robot = planning.model
-        posture = planning.start.copy()
+        posture = planning.start.copy()  # the target, in which only fingers differ from the start
         if not robot.fingers:
             raise InvalidParameter(
                 "robot",
@@ -128,6 +139,7 @@ class FingerMove(Move):
             )
         # Without a width, fingers close or open as far as they can: opening 0 or 1.
         opening = float(self.opens) if self.width is None else self._opening_at(robot, self.width)
+        # The fingers are axes, by their indices, with their closed and open positions [rad or m].
         for axis, (closed, opened) in robot.fingers.items():
             posture[axis] = closed + opening * (opened - closed)
         time_at_full_speed = float(
@@ -143,7 +155,7 @@ class FingerMove(Move):
         return replace(plan, entry={self.key: named_move.entry()[self.key]})
 
     def _opening_at(self, robot: RobotModel, width: float) -> float:
-        """Opening of the fingers at a width [m]: 0 if they are closed, 1 if they are open.
+        """Compute the opening of the fingers at a width [m]: 0 if they are closed, 1 if they are open.
 
         Raises:
             InvalidParameter: the fingers do not open so far.
@@ -166,8 +178,21 @@ class FingerMove(Move):
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
         """Move the fingers with a limited force, which stays their limit afterwards; see :meth:`Move.perform`.
 
-        The torque of a turning finger that gives this force depends on how far the finger is open. During the move the
-        limit is that of its start, afterwards that of its end.
+        The force is limited by the effort of the motors. The effort that gives this force depends on how far the
+        fingers are open: during the move the limit is that of its start, afterwards that of its end. There is no limit
+        on a kinematic station, nor if no force is known; then the motors keep the limits that they have.
+
+        Args:
+            cell: the station.
+            robot: name of the robot if the move names none. If it is None, too, the only robot of the station.
+            run: function that runs the plan of the fingers.
+
+        Returns:
+            The value that `run` returns.
+
+        Raises:
+            Unsuitable: the gripper has a force, and the shapes of its fingers do not determine the effort for it.
+            SimrobError: see :meth:`plan`.
         """
         planning = cell.planning(self.robot or robot)
         name = planning.robot
@@ -179,6 +204,7 @@ class FingerMove(Move):
         if force is None:
             return run([plan], None)
         known_stroke = _require_stroke(stroke, model, "force")
+        # The effort of the stroke is that for a force of 1 N.
         effort = force * known_stroke.effort(_mean_opening(model, cell.position(name)))
         self._limit_efforts(cell, planning, effort)
         result = run([plan], None)
@@ -189,12 +215,15 @@ class FingerMove(Move):
         return result
 
     def _limit_efforts(self, cell: StatefulStation, planning: Planning, effort: float) -> None:
-        """Limit the torque or force of each finger's motor from now on [N·m or N]."""
+        """Limit the effort of each finger's motor from now on [N·m or N]. The other motors keep their limits."""
         axes = list(planning.model.axes)
         cell.limit_efforts(planning.robot, {axes[axis]: effort for axis in planning.model.fingers})
 
     def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
-        """Largest force of each finger from now on [N]. If it is None, the motors have their own limits."""
+        """Largest force of each finger from now on [N]: that of the gripper in the robot's file.
+
+        If it is None, the motors keep the limits that they have. A subclass may need the stroke, None if it is unknown.
+        """
         return None if robot.gripper is None else robot.gripper.force
 
 
@@ -208,16 +237,21 @@ class GripMove(FingerMove):
     """Force of each finger from then on [N]. If it is not set, the gripper's own, or its motors' up to 100 N."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Check that the fingers can press with the force, and close them; see :meth:`Move.perform`."""
+        """Check that the fingers can press with the force, if it is set, and close them; see :meth:`Move.perform`."""
         if self.force is not None:
             self._check_force(cell.planning(self.robot or robot), cell.config, self.force)
         return super().perform(cell, robot, run)
 
     def _check_force(self, planning: Planning, config: StationConfig, force: float) -> None:
-        """Check that the fingers can press with a force [N].
+        """Check that the fingers can press with a force.
+
+        Args:
+            planning: the start of the move.
+            config: the station.
+            force: force of each finger [N].
 
         Raises:
-            Unsuitable: the station has no forces, or the shapes of the fingers do not determine one.
+            Unsuitable: the station is kinematic and has no forces, or the shapes of the fingers do not determine one.
             InvalidParameter: the motors, or the gains of their servos, are too weak.
         """
         if not config.engine.moves_by_forces:
@@ -241,7 +275,7 @@ class GripMove(FingerMove):
                 ),
             )
         servo = config.servo_of(planning.robot)
-        gains = servo_gains(robot, servo)
+        gains = servo_gains(robot, servo)  # of all axes, kp in N·m/rad or N/m
         for axis, (closed, opened) in robot.fingers.items():
             # Without an integral part a servo presses by its position error, which is at most the whole way of a finger
             # that a piece holds wide open. A smaller piece leaves less.
@@ -259,11 +293,16 @@ class GripMove(FingerMove):
     def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
         """Largest force of each finger from now on [N]: that of the move, of the gripper, or of its motors.
 
-        It is None if the shapes of the fingers do not determine the force of the motors.
+        It is None if neither the move nor the gripper has a force, and the shapes of the fingers do not determine that
+        of the motors.
+
+        Args:
+            robot: the robot.
+            stroke: the stroke of its gripper; None if the shapes of the fingers do not determine it.
         """
-        own = self.force or super()._force(robot, stroke)
-        if own or stroke is None:
-            return own
+        own_force = self.force or super()._force(robot, stroke)
+        if own_force or stroke is None:
+            return own_force
         return min(_motors_force(robot, stroke), _USUAL_FORCE)
 
 
@@ -275,7 +314,7 @@ class OpenMove(FingerMove):
 
 
 def _require_stroke(stroke: Stroke | None, robot: RobotModel, key: str) -> Stroke:
-    """Check that the stroke of a gripper is known.
+    """Check that the stroke of a gripper is known, and return it.
 
     Args:
         stroke: the stroke, or None if the shapes of the fingers do not determine where they meet.
@@ -298,13 +337,19 @@ def _require_stroke(stroke: Stroke | None, robot: RobotModel, key: str) -> Strok
 
 
 def _motors_force(robot: RobotModel, stroke: Stroke) -> float:
-    """Force with which each finger can press when it is wide open, by the weakest motor [N]."""
+    """Force with which each finger can press when it is wide open, limited by the weakest motor of the fingers [N].
+
+    It is infinite if none of these motors has a limit.
+    """
     weakest = min(float(robot.efforts[axis]) for axis in robot.fingers)
     return weakest / stroke.effort(1.0)
 
 
 def _mean_opening(robot: RobotModel, position: Vector) -> float:
-    """Mean opening of the fingers in a posture (n,) [rad or m]: 0 if they are closed, 1 if they are open."""
+    """Mean opening of the fingers in a posture (n,) of the robot [rad or m]: 0 if closed, 1 if open.
+
+    Positions beyond these ends count as the ends.
+    """
     openings = [
         (position[axis] - closed) / (opened - closed)
         for axis, (closed, opened) in robot.fingers.items()

@@ -1,4 +1,9 @@
-"""Moves of axes to targets, all at the same time (SimRob's TestMove and AddMove)."""
+"""Moves of axes to targets, all at the same time (SimRob's TestMove and AddMove).
+
+Arms *perform* a move at once. For a robot with legs the whole program is first cut into *stages*, functions that run
+later; the *outlook* is the station as it will be before a move. An *alias* is another name of an axis. A *passive* axis
+has no motor. The *reference* of a robot is where its axes should be.
+"""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -40,12 +45,28 @@ class JointMove(Move):
     same. Robots with legs check the targets alone."""
 
     def entry(self) -> dict[str, Any]:
-        """Keys and values of the move in a program's file. The default of `check` is left out."""
+        """Keys and values of the move in a program's file. The default of `check` is left out.
+
+        The duration is always written, so that a program keeps it if the default changes.
+        """
         left_out = {"check"} if self.check == CHECKED else None
         return self.model_dump(mode="json", exclude=left_out)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Move an arm to the targets, straight in the joints. Axes that are coupled to them move as well."""
+        """Move an arm to the targets, straight in the joints. Axes that are coupled to them move as well.
+
+        Args:
+            cell: the station.
+            robot: name of the robot whose program it is. If it is None, the only robot.
+            run: function that runs the plan of the move.
+
+        Returns:
+            The value that `run` returns.
+
+        Raises:
+            Unsuitable: an axis of the move has no motor on a dynamic station.
+            SimrobError: a target is wrong, or the move exceeds a limit or has a collision.
+        """
         planning = cell.planning(robot)
         posture = planning.start.copy()
         targets = targets_on(
@@ -61,11 +82,19 @@ class JointMove(Move):
         return run([replace(plan, written_as=self.key)], None)
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check the targets. Moves of joints that follow each other become one stage in :func:`stages_of`.
+        """Check the targets. The returned stage does nothing.
+
+        Moves of joints that follow each other are run as one stage, which ``stages_of`` in
+        :mod:`simrob_drake.programs.stages` makes in place of theirs.
+
+        Args:
+            robot: the robot.
+            outlook: not used, because the move does not change the station.
+            name: name of the move for messages.
 
         Raises:
             Unsuitable: the move has a `check`, which only arms do; or an axis has no motor.
-            SimrobError: a target that the robot cannot reach.
+            SimrobError: a target is wrong, see :func:`targets_on`.
         """
         # Everything that can be wrong is found now, before any move of the program runs.
         self.refuse_check(name)
@@ -93,7 +122,7 @@ class JointMove(Move):
 
 
 def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int]) -> None:
-    """Check that the axes of a move have motors. Those of a kinematic station need none.
+    """Check that the axes of a move have motors, if the station is dynamic. On a kinematic one they need none.
 
     Args:
         cell: the station.
@@ -103,17 +132,17 @@ def check_motors_of(cell: StatefulStation, robot: str, targets: Collection[int])
     Raises:
         Unsuitable: an axis is passive.
     """
-    own = cell.robot(robot)
+    station_robot = cell.robot(robot)
     # In a kinematic station positions are set, not reached by torques.
     if not cell.config.engine.moves_by_forces:
         return
     for index in targets:
-        if own.gains.passive[index]:
-            raise passive_axis(f"target_deg.{own.axes[index]}", own.axes[index])
+        if station_robot.gains.passive[index]:
+            raise passive_axis(f"target_deg.{station_robot.axes[index]}", station_robot.axes[index])
 
 
 def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMove:
-    """Make a move from arguments of a user.
+    """Make a move of joints from arguments of a user. Whether a robot has such axes is not checked here.
 
     Args:
         target_deg: target of each axis by name or alias [deg, or m for a prismatic axis].
@@ -175,8 +204,10 @@ def targets_on(
             excess=violation.excess,
             limit=violation.limit,
         )
+        # `violation.axis` counts the axes with targets only.
         name = names[indices[violation.axis]]
-        value = float(positions[violation.axis])
-        raise JointLimitExceeded(where, name, point=1, time=time, value=value, shown=shown)
+        position = float(positions[violation.axis])
+        # A move of joints has a single target, its point 1.
+        raise JointLimitExceeded(where, name, point=1, time=time, value=position, shown=shown)
     # A target beyond a limit only by rounding is moved to the limit.
     return dict(zip(indices, limits.clamp(positions, where).tolist(), strict=True))

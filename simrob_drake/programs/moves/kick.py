@@ -1,4 +1,9 @@
-"""Kick a ball. The ball flies by the forces of the contact alone."""
+"""Kick a ball. The ball flies by the forces of the contact alone.
+
+A program is checked as a whole before it runs. The *outlook* is the station as it will be before a move, and the
+*stage* of a move is the function that performs it later. To *aim* is to compute the parameters of the gait with which
+the foot hits the ball.
+"""
 
 from bisect import bisect_left
 from collections.abc import Mapping
@@ -45,7 +50,7 @@ class KickMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers, without the parameters of the gait; see :meth:`Move.possible_keys`.
 
         Returns None if the robot's `gaits.yaml` has no kick of the usual name.
         """
@@ -53,11 +58,22 @@ class KickMove(Move):
         return frozenset(cls.model_fields) if has_gait(model, Kick, Kick.usual) else None
 
     def caption(self, *, robots: bool = False) -> str:
-        """Caption with the name of the ball."""
+        """Caption with the name of the ball, if there is one. The move names no robot, so `robots` has no effect."""
         return f"kick {self.ball}" if self.ball else "kick"
 
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
-        """Check that the robot can swing its foot, and return the stage that aims at the ball and kicks."""
+        """Check that the robot can swing its foot, and return the stage that aims at the ball and kicks.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move. It stays as it is.
+            name: name of the move for messages.
+
+        Raises:
+            UnknownName: the station has no such ball.
+            InvalidParameter: the ball is no free sphere, or a joint would turn too fast.
+            SimrobError: the robot cannot perform the gait. The stage raises it, too, if it cannot reach the ball.
+        """
         # Where the ball will be is not known yet: only a swing through the air can be checked.
         self.swing(robot, outlook.station, {})
         # The radius itself is not needed yet: the call checks that the ball is a free sphere.
@@ -65,7 +81,7 @@ class KickMove(Move):
             self._radius(outlook.station)
 
         def run_stage(robot: LeggedGeometry) -> SimulationResult:
-            """Kick the ball where it is now."""
+            """Kick the ball where it is now. Without a ball, the foot swings through the air."""
             with naming(name):
                 motion = self.swing(robot, robot.cell.config, self.aim(robot))
             return replace(perform(robot, motion), did=self.caption())
@@ -83,17 +99,19 @@ class KickMove(Move):
             aim: parameters of the gait from :meth:`aim`. If it is empty, the kick is not aimed.
 
         Raises:
-            InvalidParameter: a joint would turn faster than its motor can without a load.
+            InvalidParameter: a joint would turn faster than its motor can without a load. The message has the largest
+                speed that all joints can do, if there is one.
             SimrobError: see :meth:`simrob_drake.LeggedRobot.act`.
         """
         motion = self._plan(robot, station, aim, self.speed)
+        # Speed limit of each axis, and its largest speed in the motion, shape (n,) [rad/s].
         limits = resolve(station).robots[robot.name].speed_limits
         fastest = np.abs(motion.velocities).max(axis=0)
         # Index of the axis nearest to its limit, or furthest beyond.
         worst = int((fastest / limits).argmax())
         if fastest[worst] <= limits[worst]:
             return motion
-        # For the message: search the fastest kick that the joints can do.
+        # For the message: search the fastest kick that the joints can do, below the present speed [m/s].
         speed = Kick.of(Walker.of(robot.model), self.gait, self._changes({}, self.speed)).speed
 
         def is_too_fast(hundredths: int) -> bool:
@@ -101,8 +119,8 @@ class KickMove(Move):
             slower = self._plan(robot, station, aim, hundredths / 100)
             return not bool((np.abs(slower.velocities) <= limits).all())
 
-        # The joints turn the faster the faster the kick is: the speeds that work come first, and their count is the
-        # largest of them in hundredths.
+        # The joints turn the faster the faster the kick is: of the speeds from 0.01 m/s on, those that work come first.
+        # The bisection finds their count, which is the largest of them in hundredths. It is 0 if none works.
         largest = bisect_left(range(1, ceil(100 * speed)), True, key=is_too_fast)
         details: dict[str, Any] = {
             "axis": robot.axes[worst],
@@ -130,10 +148,10 @@ class KickMove(Move):
         )
 
     def _changes(self, aim: Mapping[str, Any], speed: float | None) -> dict[str, Any]:
-        """Collect the parameters that replace those of the gait.
+        """Collect the parameters that replace those of the gait. Keys of the move itself come before those of the aim.
 
         Args:
-            aim: parameters that aim the kick, see :meth:`aim`.
+            aim: parameters that aim the kick, see :meth:`aim`. There are none if the kick is not aimed.
             speed: speed of the foot when it hits [m/s]. If it is None, that of the gait.
         """
         changes = dict(aim)
@@ -150,12 +168,12 @@ class KickMove(Move):
         aim: Mapping[str, Any],
         speed: float | None,
     ) -> JointMotion:
-        """Plan the kick at a speed of the foot.
+        """Plan the kick at a speed of the foot. Speeds of the joints are not checked.
 
         Args:
             robot: the robot.
             station: the station as it will be before the move.
-            aim: parameters that aim the kick, see :meth:`aim`.
+            aim: parameters that aim the kick, see :meth:`aim`. There are none if the kick is not aimed.
             speed: speed of the foot when it hits [m/s]. If it is None, that of the gait.
         """
         return planned_gait(robot, self.gait, self._changes(aim, speed), station=station)
@@ -165,6 +183,9 @@ class KickMove(Move):
 
         Returns:
             Values of `foot`, `point`, `toward_deg` and perhaps `lift` of the gait. It is empty without a ball.
+
+        Raises:
+            SimrobError: the ball is no free sphere, or the robot cannot hit it.
         """
         if self.ball is None:
             return {}
@@ -181,7 +202,10 @@ class KickMove(Move):
         )
 
     def _radius(self, station: StationConfig) -> float:
-        """Radius of the ball [m].
+        """Radius of the ball [m]. The move must have one.
+
+        Args:
+            station: the station.
 
         Raises:
             UnknownName: the station has no such piece.

@@ -1,7 +1,9 @@
 """All kinds of moves, by the key that a program's file names them by.
 
 A new kind of the core is a file in this folder and a name in the list `_CORE`. Installed extensions add further kinds,
-which are imported when a program is first read.
+which are imported when a program is first read. An *entry* is a move as the file of a program has it:
+``{walk: {steps: 4}}`` is an entry of the kind with the key ``walk``. An entry without the key of a kind is a move of
+joints.
 """
 
 from collections.abc import Iterator, Mapping
@@ -111,7 +113,10 @@ class _AnyMoveField:
     """Annotation of a field that holds a move of any kind; which kinds there are is asked when a move is read."""
 
     def __get_pydantic_core_schema__(self, _source: Any, _handler: Any) -> CoreSchema:
-        """Schema by which pydantic checks a move by its kind, and writes it as an entry of a file."""
+        """Schema by which pydantic checks a move by its kind, and writes it as an entry of a file.
+
+        The schema calls a function, so that it need not list the kinds when a class with such a field is defined.
+        """
         return core_schema.no_info_plain_validator_function(
             _validate_move,
             serialization=core_schema.plain_serializer_function_ser_schema(Move.entry),
@@ -139,17 +144,19 @@ def move_from(
     """Make a move of any kind from what a user gives in Python.
 
     Args:
-        content: target angles of axes [deg] by name, an entry of a program's file, or a move.
-        duration: time of a move of joints [s]. None means ``otherwise``.
+        content: targets of axes by name [deg, or m for a prismatic axis], an entry of a program's file, or a move,
+            which is returned as it is.
+        duration: duration of the move [s], only for targets of axes. If it is None, ``otherwise``.
         otherwise: default of ``duration`` [s].
 
     Raises:
-        InvalidParameter: a duration in addition to a move that has its own.
-        InvalidConfig: an entry with a wrong key or value.
+        Unsuitable: a duration is given in addition to an entry or a move, which has its own.
+        InvalidParameter: a target is no finite number, there is none, or the duration is not positive.
+        InvalidConfig: an entry has a wrong key or value.
     """
     if isinstance(content, Move):
         move = content
-    # Without the key of a kind, the mapping has the targets of axes.
+    # A mapping with the key of a kind is an entry. Without such a key, it has the targets of axes.
     elif isinstance(content, Mapping) and kind_of(content, KINDS.values()) is not None:
         move = check_move(content)
     else:
@@ -169,6 +176,11 @@ def check_move(
 ) -> Move:
     """Check one entry of a program's file by itself, so that messages can name it, and return its move.
 
+    Args:
+        entry: the entry, as it was read from the file.
+        where: name of the move for messages.
+        kinds: the kinds that are possible, by key. The entry may always be a move of joints.
+
     Raises:
         InvalidConfig: the entry is no mapping, is of no known kind, or has a wrong key or value. The message begins
             with ``where``.
@@ -185,7 +197,7 @@ def check_move(
             ),
         )
     kind = kind_of(entry, kinds.values())
-    # The first key that no move of joints has is likely the misspelt key of a kind.
+    # If the entry has the key of no kind, its first key that no move of joints has is likely a misspelt key of a kind.
     strange = next((name for name in entry if name not in JointMove.model_fields), None)
     if kind is None and strange is not None:
         # An extension that could not be loaded explains the unknown key better than a spelling would.

@@ -1,4 +1,8 @@
-"""Base classes of moves of an arm's axes or of its tool: targets and options."""
+"""Base classes of moves of an arm's axes or of its tool: targets and options.
+
+A *target* is a posture of the axes, a *pose* of the tool, or a *place*: a position that keeps the tool's orientation. A
+*planning* is the start of a move of one arm: its posture, its limits and its surroundings.
+"""
 
 import re
 from collections.abc import Callable, Iterable
@@ -71,7 +75,7 @@ class ArmMotion(Move):
 
     @property
     def how(self) -> How:
-        """Options of the move that are set. The option `check` is always there, because its None has a meaning."""
+        """Options of the move that are set. The option `check` is always there, because its None means `limits`."""
         # Only options that are set are passed on: a planner sees from the missing ones that the timing is free.
         options = {key: getattr(self, key) for key in How.__annotations__}
         return cast(
@@ -104,10 +108,13 @@ class ArmMotion(Move):
         return run([self.plan(cell.planning(self.robot or robot))], None)
 
     def rows(self, planning: Planning) -> Any:
-        """Targets in SI units.
+        """Targets in SI units: one or several postures [rad or m], places [m] or poses [m, rad], or a posture's name.
 
         Degrees that cannot be converted, because they have a wrong count, are returned unchanged: the planner refuses
         them with a message.
+
+        Args:
+            planning: the start of the move, for the units of the robot's axes.
         """
         if self.targets_deg is None:
             return self.targets
@@ -115,6 +122,7 @@ class ArmMotion(Move):
             values = np.array(self.targets_deg, dtype=float)
         except ValueError:  # rows of different lengths
             return self.targets_deg
+        # Factors on the numbers of one target, which convert angles to radians.
         if self.of_axes:
             units = planning.model.user_units
         else:
@@ -137,11 +145,15 @@ class ToolMotion(Strict):
 def describe(method: Callable[..., Any], plan: Callable[..., Plan]) -> None:
     """Set name, docstring and signature of a method of an arm, so that `help` lists every option.
 
+    They are made from those of the planning function: without its first argument, and with the options of
+    :class:`How` in place of ``**how``.
+
     Args:
-        method: the method, which runs what `plan` plans.
-        plan: function whose first argument is the planning, and whose last one is ``**how``.
+        method: the method, which runs what `plan` plans. It is changed.
+        plan: function ``plan_<name>`` whose first argument is the planning, and whose last one is ``**how``.
     """
     text = getdoc(plan) or ""
+    # The options are listed at the end of the docstring of `How`.
     _, _, options_text = (getdoc(How) or "").partition("Attributes:\n")
     # The method has no `planning`: the arm itself is the start of its moves.
     text = re.sub(r"^    planning: .*\n", "", text, flags=re.MULTILINE)
@@ -157,7 +169,7 @@ def describe(method: Callable[..., Any], plan: Callable[..., Plan]) -> None:
         )
         for key, kind in How.__annotations__.items()
     ]
-    # Inspection and type hints use this signature; the method itself takes any arguments and passes them to `plan`.
+    # `inspect.signature` reads this attribute. The method itself takes any arguments and passes them to `plan`.
     arm = Parameter("self", Parameter.POSITIONAL_ONLY)
     parameters = [arm, *own_parameters, *options]
     vars(method)["__signature__"] = Signature(parameters, return_annotation="SimulationResult")

@@ -1,7 +1,11 @@
 """Base class of moves, and how the file of a program has them.
 
 A program is a list of moves. Each *kind* of move is a subclass of :class:`Move`, with a `key` by which a file names it
-and with fields for its own keys. A file has a move as an *entry*: ``{walk: {steps: 4}}`` has the key ``walk``.
+and with fields for its own keys. A file has a move as an *entry*: ``{walk: {steps: 4}}`` has the key ``walk``. An entry
+is *brief* if it has only the value of the first field: ``{act: bow}`` means ``{act: {name: bow}}``. A kind whose key is
+one of its own fields has no level of its own: ``{target_deg: {waist: 10}, duration: 1}``.
+
+The *pendant* is a page by which users teach robots. It offers a form for each kind of move.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -100,7 +104,10 @@ class NameOf:
 
 
 def named_things(kind: "type[Move]") -> dict[str, str]:
-    """Find the keys of a kind of move that are annotated by `NameOf`, each with the annotation's ``what``."""
+    """Find the keys of a kind of move whose values name something, each with what it names, such as ``pieces``.
+
+    These are the keys that are annotated by :class:`NameOf`.
+    """
     return {
         key: mark.what
         for key, field in kind.model_fields.items()
@@ -138,7 +145,11 @@ class Move(Strict):
     @model_validator(mode="before")
     @classmethod
     def _expand_brief(cls, content: Any) -> Any:
-        """Expand a brief move, the value of its first field, to a mapping of all fields."""
+        """Expand a brief move, the value of its first field, to a mapping with this field.
+
+        Pydantic calls this before it checks the fields. A mapping, a move, None, and any content of a kind that is not
+        brief are returned unchanged.
+        """
         is_value = content is not None and not isinstance(content, (Mapping, Move))
         return {_first_field(cls): content} if cls.brief and is_value else content
 
@@ -154,7 +165,7 @@ class Move(Strict):
         return {"anyOf": [schema, first_field]}
 
     def entry(self) -> dict[str, Any]:
-        """Entry of the move in a program's file. Keys with default values are left out."""
+        """Entry of the move in a program's file, brief if possible. Keys with default values are left out."""
         content = self.model_dump(mode="json", exclude_defaults=True)
         # A kind whose key is one of its own fields, such as `target_deg`, has no level of its own in the file.
         if self.key in type(self).model_fields:
@@ -165,17 +176,17 @@ class Move(Strict):
         return {self.key: content[first] if is_brief else content}
 
     def caption(self, *, robots: bool = False) -> str:
-        """Caption of the move for events and lists.
+        """Caption of the move for events and lists, such as "attach box" or "grip of left".
 
         Args:
-            robots: whether the caption names the robot, if the move does.
+            robots: whether the caption names the robot. It does so only if the move itself names one.
         """
         text = self.says.format(it=self)
         robot = getattr(self, "robot", None) if robots else None
         return f"{text} of {robot}" if robot else text
 
     def pieces(self) -> Iterable[str]:
-        """Names of the pieces that the move depends on."""
+        """Names of the pieces that the move depends on, by the values of its keys that name pieces."""
         keys = [key for key, what in named_things(type(self)).items() if what == "pieces"]
         # Until 0.2: in moves of other packages the keys may have no annotation. Then the form for the pendant has it.
         form: Mapping[str, Any] = getattr(type(self), "form", {})
@@ -203,7 +214,7 @@ class Move(Strict):
         return frozenset(cls.model_fields)
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Perform the move with arms of a station.
+        """Perform the move with arms of a station. A kind that arms can do overrides this.
 
         Args:
             cell: the station.
@@ -225,6 +236,8 @@ class Move(Strict):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Check that a robot with legs can perform the move, and return the stage that performs it later.
 
+        A kind that robots with legs can do overrides this.
+
         Args:
             robot: the robot.
             outlook: the station as it will be before the move. It is updated to the station after the move.
@@ -241,7 +254,10 @@ class Move(Strict):
 
 
 def field_of(*kinds: type[Move]) -> Any:
-    """Pydantic type of a field that holds a move of one of some kinds, and is written as an entry of a file."""
+    """Pydantic type of a field that holds a move of one of some kinds, and is written as an entry of a file.
+
+    The field accepts an entry, or a move that was made in Python, and holds the move.
+    """
     # Pydantic finds the kind by the key: each entry model accepts exactly one.
     union: Any = reduce(or_, (entry_model(kind) for kind in kinds))
     return Annotated[
@@ -254,9 +270,9 @@ def field_of(*kinds: type[Move]) -> Any:
 
 @cache
 def entry_model(kind: type[Move]) -> type[Strict]:
-    """Pydantic model of an entry in a file: the key of a kind of move, with the other keys below it.
+    """Pydantic model of an entry in a file: one field with the key of a kind of move, which holds the move.
 
-    A kind whose key is one of its own fields has them at the same level, and is its own model.
+    A kind whose key is one of its own fields has no level of its own in the file, and is its own model.
     """
     if kind.key in kind.model_fields:
         return kind
@@ -269,11 +285,11 @@ def entry_model(kind: type[Move]) -> type[Strict]:
 
 
 def content_of(kind: type[Move], move: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a move from its entry in a file, also if the entry is brief.
+    """Fields of a move and their values from its entry in a file, also if the entry is brief. Nothing is checked.
 
     Args:
         kind: kind of the move.
-        move: the entry.
+        move: the entry, which has the key of the kind.
     """
     content = move if kind.key in kind.model_fields else move[kind.key]
     return dict(content) if isinstance(content, Mapping) else {_first_field(kind): content}
@@ -295,7 +311,7 @@ def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
 
     Args:
         kind: kind of the move.
-        content: the entry.
+        content: the entry, which has the key of the kind.
         where: name of the move for error messages.
 
     Raises:
@@ -309,7 +325,7 @@ def make_move(kind: type[Kind], /, **content: Any) -> Kind:
 
     Args:
         kind: kind of the move.
-        **content: values of its keys.
+        **content: values of its keys. Keys that are left out have their defaults.
 
     Raises:
         InvalidParameter: a value is wrong. The message names the first one.
@@ -319,7 +335,8 @@ def make_move(kind: type[Kind], /, **content: Any) -> Kind:
     except ValidationError as problem:
         # Pydantic's texts name Python types. The user gets the words of this package, for the first finding.
         finding = problem.errors()[0]
-        key = ".".join(str(part) for part in finding["loc"])
+        key = ".".join(str(part) for part in finding["loc"])  # such as "target_deg.waist"
+        # What is expected by keys that `_EXPECTED` does not have: most of them are names.
         default = message("programs.a_text", "a text")
         if key.startswith("target_deg"):
             default = message("programs.finite_degrees", "a finite number [deg]")
@@ -327,7 +344,7 @@ def make_move(kind: type[Kind], /, **content: Any) -> Kind:
 
 
 def move_name(index: int, count: int, file: str = "") -> str:
-    """Name of a move in messages, which count moves from 1.
+    """Name of a move in messages, which count moves from 1, such as "move 3" or "the move".
 
     Args:
         index: index of the move in its program, from 0.
@@ -368,7 +385,10 @@ def naming(move: str) -> Iterator[None]:
 
 
 def _wrap_move(value: Any) -> Any:
-    """Put a move that was made in Python under its key, as in an entry of a file. Other values stay unchanged."""
+    """Put a move that was made in Python under its key, as in an entry of a file. Other values stay unchanged.
+
+    A move whose key is one of its own fields stays unchanged, too: it is its own entry.
+    """
     # A move of Python is valid already, but the field's models accept entries of files only.
     if not isinstance(value, Move) or value.key in type(value).model_fields:
         return value
@@ -376,11 +396,11 @@ def _wrap_move(value: Any) -> Any:
 
 
 def _unwrap_move(entry: Any) -> Move:
-    """Move of an entry, which is a model of :func:`entry_model`."""
+    """Move in an entry that was checked: an object of a class of :func:`entry_model`, or the move itself."""
     if isinstance(entry, Move):
         move = entry
     else:
-        key = next(iter(type(entry).model_fields))
+        key = next(iter(type(entry).model_fields))  # the only field: the key of the kind
         move = getattr(entry, key)
     assert isinstance(move, Move)
     return move

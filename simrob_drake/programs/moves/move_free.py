@@ -3,7 +3,9 @@
 A goal is a posture that reaches the target of the move: a pose of the tool can be reached by several postures. A search
 finds a path to one of the goals, which is then rounded or optimised, and timed.
 
-`Planning` describes the start of one robot's move: its posture, its chain of axes, its limits and its surroundings.
+`Planning` describes the start of one robot's move: its posture, its chain of axes, its limits and its surroundings. A
+*work object* is the frame in which a pose is given. Postures of several robots are one array: the axes of one robot
+after those of the other.
 """
 
 from collections.abc import Iterable, Sequence
@@ -89,7 +91,10 @@ class MoveFree(ArmMotion):
         return self
 
     def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
-        """Target posture in SI units, or its name. It is None if the target is a pose or a piece."""
+        """Target posture (n,) [rad or m], or its name. It is None if the target is a pose or a piece.
+
+        Degrees of a wrong count are returned unchanged.
+        """
         # Degrees for a wrong count of axes cannot be converted: the planner refuses them with a message.
         if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
             return self.joints or self.joints_deg
@@ -104,7 +109,10 @@ class MoveFree(ArmMotion):
         return (name,)
 
     def goals(self, planning: Planning) -> Vector:
-        """Compute the postures that reach the target, shape (m, n) [rad or m], the nearest first."""
+        """Compute the postures that reach the target, shape (m, n) [rad or m], the nearest first.
+
+        For the errors see :func:`goals_of`.
+        """
         return goals_of(
             planning,
             self.piece or self.rows(planning),
@@ -162,7 +170,8 @@ def plan_move_free(
     (plan,) = plan_around(
         [planning], [goals], how, seed, planning_time, show_search=truth(show_search, "show_search")
     )
-    # Keys of the move in a program's file; None leaves a key out, which then has its default.
+    # Keys of the move in a program's file. None leaves a key out, which then has its default. A name as target is
+    # written under `piece`, other targets under `targets`.
     piece = targets if isinstance(targets, str) else None
     poses = None if isinstance(targets, str) else targets
     own_keys: dict[str, Any] = {
@@ -182,8 +191,9 @@ def plan_together(moves: Sequence[MoveFree], plannings: Sequence[Planning]) -> l
     """Plan moves of several robots that move at the same time, around each other.
 
     Args:
-        moves: one move for each robot. The seed of the first move is used.
-        plannings: the start of each move.
+        moves: one move for each robot. The seed of the first move and the longest planning time of all are used, and
+            the search is shown if any move wants it.
+        plannings: the start of each move, in the same order.
 
     Returns:
         one plan for each robot, all of the same duration.
@@ -233,9 +243,10 @@ def goals_of(
 
     Args:
         planning: the start of the move.
-        targets: a pose of the tool, or the name of a piece or frame; None if `joints` is given.
+        targets: a pose of the tool, a place that keeps its orientation, or the name of a piece or of one of its frames
+            as ``piece.frame``; None if `joints` is given.
         joints: a posture (n,) [rad or m] or its name; None if `targets` is given.
-        wobj: the work object, in whose frame a pose is.
+        wobj: the work object, in whose frame a pose or place is. If it is None, the world.
         free_turn: whether the tool may reach a pose at any angle about its z axis.
         seed: seed of the inverse kinematics, which may start from random postures.
 
@@ -269,16 +280,19 @@ def goals_of(
         else np.zeros(1)
     )
     rotations = np.array([RotationMatrix.MakeZRotation(angle).matrix() for angle in angles])
-    # Transforms without translation, shape (k, 4, 4): the tool turns about its own z axis before it is placed.
+    # Transforms without translation, shape (k, 4, 4), with k = 1 if the tool may not turn: multiplied from the right,
+    # they turn the tool about its own z axis.
     turns = stack_poses(np.zeros((len(rotations), 3)), rotations)
     goals = goal_postures(chain, poses @ turns, start, seed)
     if not len(goals):
-        # The solver of other moves finds at most one posture, from the start, and the error has the remaining distance.
+        # Another solver, which searches one posture from the start, may still find one. If it does not, its error has
+        # the remaining distance.
         solutions = planning.inverse(None).solve(poses, start)
         if not solutions.reached.all():
             raise solutions.unreachable(0, message("programs.the_target", "the target"))
         goals = solutions.positions
-    # A search uses the first goals that are free of collisions. The nearest ones move the arm least.
+    # A search uses the first goals that are free of collisions, so the nearest ones come first: those that move the
+    # tool least, with each axis weighted by how far it can move the tool [m].
     distances = np.abs((goals - start) * metres_per_radian(chain)).sum(axis=1)
     return np.asarray(goals[np.argsort(distances, kind="stable")])
 
@@ -305,7 +319,11 @@ def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
 
 
 def _check_single(targets: Vector) -> None:
-    """Check that an array contains a single target: a pose (1, 4, 4) or a posture (1, n)."""
+    """Check that an array contains a single target: a pose (1, 4, 4) or a posture (1, n).
+
+    Raises:
+        InvalidParameter: it contains several.
+    """
     if len(targets) != 1:
         raise InvalidParameter(
             message("programs.count_of_targets", "count of targets"),
@@ -328,7 +346,7 @@ def plan_around(
     Args:
         plannings: the start of each robot's move.
         goals: possible goals of each robot, shape (m, n) [rad or m], the nearest first.
-        how: see :class:`How`.
+        how: options of the move, for all robots; see :class:`How`.
         seed: seed of the search.
         planning_time: longest duration of the search [s].
         show_search: whether the recording shows the paths of the tool that the search tried.
@@ -338,6 +356,8 @@ def plan_around(
 
     Raises:
         StartInCollision, GoalInCollision, NoFreePath: see :func:`plan_move_free`.
+        Unsuitable: the options have a zone.
+        SimrobError: the move exceeds a limit, or an option has an invalid value.
     """
     points = points_of(how, POINTS)
     if zone_size(how.get("zone", "fine")):
@@ -345,6 +365,7 @@ def plan_around(
             "programs.around_without_zones", "a move around obstacles has a single target"
         )
         raise Unsuitable("zone", problem)
+    # Every planning can prepare the space of any robots of its station.
     space = plannings[0].space([planning.robot for planning in plannings])
     ranges = [
         _search_range(planning, own_goals)
@@ -368,11 +389,12 @@ def plan_around(
         faster_path = find_faster_path(search, round_path.postures, len(corners), limits)
         if faster_path is not None:
             paths.insert(0, faster_path)  # of plans with the same duration the first one is taken
-    # Which path is faster is known only with its timing: both get one.
+    # Which path is faster is known only with its timing: both get one. A joint plan has the axes of all robots.
     joint_plans = [_timed_path(plannings, space, path, limits, how, points) for path in paths]
     joint_plan = min(joint_plans, key=lambda plan: plan.duration)
 
     plans = []
+    # Pairs of postures of each robot that the search trees connect, shape (k, 2, n).
     branches = space.split_by_robot(search.branches)
     first_axis = 0  # index of the robot's first axis among those of all robots
     for planning in plannings:
@@ -382,6 +404,7 @@ def plan_around(
         if show_search and len(search.branches):
             tool_poses = planning.chain.forward(branches[planning.robot].reshape(-1, axis_count))
             own_plan = replace(own_plan, search=tool_poses[:, :3, 3].reshape(-1, 2, 3))
+        # Collisions are not checked again: the path was found without them.
         plans.append(planning.check_limits_of(own_plan, how, own_plan.end[np.newaxis]))
     return plans
 
@@ -394,7 +417,7 @@ def _timed_path(
     how: How,
     points: int,
 ) -> Plan:
-    """Give a path its timing.
+    """Give a path its timing: as the options demand or, if they leave it free, as fast as usual and as motors allow.
 
     Args:
         plannings: the start of each robot's move.
@@ -411,9 +434,11 @@ def _timed_path(
     tool_lengths = [
         tool_length(planning.chain, own_postures[planning.robot]) for planning in plannings
     ]
+    # The path of all robots counts as long as that of the tool that goes farthest. Its only target is at its end, at
+    # the fraction 1.
     segment = Segment(path.fractions, path.postures, max(tool_lengths), np.ones(1))
     first = plannings[0]
-    motors = partial(first.motors, [*space.start])
+    motors = partial(first.motors, [*space.start])  # made only if the timing needs them
     fastest = plan_timed(first.robot, [segment], how, points, limits, motors)
     # Without a speed or a duration from the user, the move may take as long as the motors need.
     may_take_longer = is_free(how) and how.get("check", CHECKED) != "nothing"
@@ -457,7 +482,7 @@ def _distance_scale(planning: Planning, space: FreeSpace) -> Vector:
 
 
 def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
-    """Find the nearest goals without collisions of robots that move at the same time.
+    """Find the nearest goals without collisions of robots that move at the same time, at most 16.
 
     The collision tolerances that the found goals need are recorded in the space, see :meth:`FreeSpace.allow_goal`.
 
@@ -477,7 +502,7 @@ def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
     index_ranges = [range(len(own_goals)) for own_goals in goals]
     combinations = sorted(product(*index_ranges), key=sum)[:_MOST_TRIES]
     free_postures = list[Vector]()
-    hits = list[Overlap]()  # the deepest collision of each goal that is not free
+    hits = list[Overlap]()  # the deepest collision of each combination that is not free
     for indices in combinations:
         posture = np.concatenate(
             [own_goals[index] for own_goals, index in zip(goals, indices, strict=True)]

@@ -61,16 +61,18 @@ def plan_move_abs_j(
 
     Raises:
         UnknownName: the robot has no such posture.
-        InvalidParameter: the targets have a wrong shape, or the duration is invalid.
+        InvalidParameter: the targets have a wrong shape, or an option is invalid.
+        Unsuitable: `stop` and a zone are set; or an acceleration or a profile is set for a move that passes its targets
+            smoothly.
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """
-    rows = planning.postures(targets)
+    rows = planning.postures(targets)  # one target posture in each row, shape (k, n)
     # Targets beyond a limit only by rounding are moved to the limit. All others are refused later, with their point.
     if planning.chain.limits.are_within(rows):
         rows = planning.chain.limits.clamp(rows, message("programs.the_targets", "the targets"))
     points = points_of(how, POINTS)
-    zone = zone_of(how, len(rows))
+    zone = zone_of(how, len(rows))  # distance from a target [m]; 0 without zones
     # With a zone the joints pass by the targets, so that they cannot stop there.
     if truth(stop, "stop") and zone:
         raise Unsuitable(
@@ -92,6 +94,7 @@ def plan_move_abs_j(
             ),
             message("programs.with_stop_or_zone", "set stop=True or a zone"),
         )
+    # A way is the path to one target. With a zone, the ways are joined to a single one with more points.
     ways = [
         joint_way(planning.chain, start, row) for start, row in pairwise([planning.start, *rows])
     ]
@@ -134,14 +137,16 @@ def plan_move_j(
 
     Args:
         planning: the start of the move.
-        targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) that keep its orientation.
-        wobj: the work object.
-        solver: solver of the inverse kinematics. Of several postures the nearest one is used.
+        targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) [m] that keep its orientation.
+        wobj: the work object. If it is None, the world.
+        solver: solver of the inverse kinematics. If it is None, that of the arm. Of several postures the nearest one is
+            used.
         stop: whether the move rests at each target.
         how: see :class:`How`.
 
     Raises:
         Unreachable: no posture reaches a target. The message names it, why, and how near the best posture comes.
+        InvalidParameter, Unsuitable: see :func:`plan_move_abs_j`.
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """

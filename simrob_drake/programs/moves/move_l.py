@@ -1,4 +1,8 @@
-"""Moves of an arm's tool along straight lines and along arcs of circles (RAPID's MoveL and MoveC)."""
+"""Moves of an arm's tool along straight lines and along arcs of circles (RAPID's MoveL and MoveC).
+
+A *way* is the path to one target: a function that gives the poses of the tool at fractions of the path, and the length
+of the path. Poses are matrices (4, 4).
+"""
 
 from functools import partial
 from itertools import pairwise
@@ -52,9 +56,9 @@ def plan_move_l(
 
     Args:
         planning: the start of the move.
-        targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) that keep its orientation.
-        wobj: the work object.
-        solver: solver of the inverse kinematics.
+        targets: poses of the tool in the work object's frame, or places (3,) or (k, 3) [m] that keep its orientation.
+        wobj: the work object. If it is None, the world.
+        solver: solver of the inverse kinematics. If it is None, that of the arm.
         how: see :class:`How`.
 
     Raises:
@@ -72,6 +76,7 @@ def plan_move_l(
     for begin, end in pairwise([planning.pose, *poses]):
         length = float(np.linalg.norm(end[:3, 3] - begin[:3, 3]))
         ways.append(Way(partial(poses_between, begin, end), length))
+    # The copy has the entry for a program's file, which repeats the move from what the user gave.
     plan = planning.plan_along(ways, inverse, how, points)
     return with_entry(plan, MoveL.key, planning, targets, how, wobj=wobj, solver=solver)
 
@@ -104,10 +109,10 @@ def plan_move_c(
 
     Args:
         planning: the start of the move.
-        via: position (3,) on the arc, or one for each of several arcs (k, 3). Of poses only the position counts.
-        targets: ends of the arcs: places (3,) or (k, 3) that keep the orientation, or poses that turn the tool.
-        wobj: the work object in whose frame they are.
-        solver: solver of the inverse kinematics.
+        via: position (3,) on the arc, or one for each of several arcs (k, 3) [m]. Of poses only the position counts.
+        targets: ends of the arcs: places (3,) or (k, 3) [m] that keep the orientation, or poses that turn the tool.
+        wobj: the work object in whose frame they are. If it is None, the world.
+        solver: solver of the inverse kinematics. If it is None, that of the arm.
         how: see :class:`How`.
 
     Raises:
@@ -119,10 +124,10 @@ def plan_move_c(
     """
     inverse = planning.inverse(solver)
     points = points_of(how, ARC_POINTS)
-    # Of the middle point only the position counts: the orientation turns evenly from the begin to the end.
+    # Three points determine a circle: the begin, the middle point on the way, and the end. Of the middle point only the
+    # position counts: the orientation turns evenly from the begin to the end.
     middles = places(via, planning.frame(wobj), "via")
     poses = planning.poses(targets, wobj)
-    # Three points determine a circle: the present position, the one on the way, and the end.
     if len(middles) != len(poses):
         raise InvalidParameter(
             "via",
@@ -148,5 +153,12 @@ def plan_move_c(
 
 
 def _poses_on_arc(arc: Arc, begin: Vector, end: Vector, parts: Vector) -> Vector:
-    """Poses (k, 4, 4) at parts (k,) of an arc, whose orientation turns from one pose (4, 4) to another."""
+    """Poses (k, 4, 4) of a tool on an arc. Its orientation turns evenly from one pose to another.
+
+    Args:
+        arc: the arc, for the positions.
+        begin: pose at the begin of the arc, shape (4, 4), for the orientation.
+        end: pose at the end of the arc, shape (4, 4), for the orientation.
+        parts: parts of the arc, from 0 at its begin to 1 at its end, shape (k,).
+    """
     return stack_poses(arc.points(parts), turn(begin[:3, :3], end[:3, :3], parts))

@@ -1,4 +1,7 @@
-"""Moves of different arms at the same time, and the list of the motions that arms plan."""
+"""Moves of different arms at the same time, and the list of the motions that arms plan.
+
+A *planning* is the start of a move of one arm: its posture, its limits and its surroundings.
+"""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
@@ -42,9 +45,22 @@ class TogetherMove(Move):
         return [piece for move in self.together for piece in move.pieces()]
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> Any:
-        """Plan all moves from where the arms are, and run them at the same time.
+        """Plan all moves from where the arms are, and run them at the same time; see :meth:`Move.perform`.
 
-        Moves around obstacles are planned as one, around each other.
+        If all of several moves are moves around obstacles, they are planned as one, around each other. Otherwise each
+        move is planned by itself, with the other arms where they are at the start. Before it runs the plans, `run`
+        checks that they do not collide with each other.
+
+        Args:
+            cell: the station.
+            robot: name of the robot of a move that names none. If it is None, the only robot.
+            run: function that runs several plans at the same time.
+
+        Returns:
+            The value that `run` returns.
+
+        Raises:
+            SimrobError: a move cannot be done, or the moves cannot be done at the same time.
         """
         plannings = [cell.planning(move.robot or robot) for move in self.together]
         free_moves = [move for move in self.together if isinstance(move, MoveFree)]

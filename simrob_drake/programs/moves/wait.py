@@ -1,4 +1,8 @@
-"""Moves in which all robots hold their positions, or follow the references of the station's file."""
+"""Moves in which all robots hold their positions, or follow the references of the station's file.
+
+Arms *perform* a move at once. For a robot with legs the whole program is checked first: the *outlook* is the station as
+it will be before a move, and the *stage* of a move is the function that performs it later.
+"""
 
 from typing import Any, ClassVar
 

@@ -63,8 +63,17 @@ class GaitMove(Move):
 
         The first run of the stage uses this plan if nothing has changed by then that the plan depends on. Otherwise,
         and in each further run, the stage plans again.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move. It stays as it is.
+            name: name of the move for messages.
+
+        Raises:
+            SimrobError: the robot cannot perform the gait. The stage raises it, too, if it plans again.
         """
         # A gait leaves arms (axes in no leg) where earlier moves have put them: its plan depends on their positions.
+        # Here they are where they are before the program.
         arms_at_check = taught_arms(robot)
         # The plan of the check, as long as it is valid. It is taken out of the list when it runs, which frees its
         # memory. If the list is empty, the stage plans again.
@@ -77,14 +86,14 @@ class GaitMove(Move):
             """Run the gait from where the robot is."""
             if taught_arms(moving_robot) != arms_at_check:
                 valid_plans.clear()
-            # The plan has no name here, so that `perform` can free it before the run.
+            # No variable of this function holds the plan, so that `perform` can free it before the run.
             result = perform(
                 moving_robot, valid_plans.pop() if valid_plans else plan_again(moving_robot)
             )
             return replace(result, did=self.caption())
 
         def plan_again(moving_robot: LeggedGeometry) -> JointMotion:
-            """Plan the motion for the present station."""
+            """Plan the motion for the present station. An error names the move."""
             with naming(name):
                 return self.plan_motion(moving_robot, moving_robot.cell.config)
 
@@ -156,7 +165,7 @@ class GoMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys of the move, see :meth:`Move.possible_keys`.
+        """Keys that a form for this move offers: all of them; see :meth:`Move.possible_keys`.
 
         Returns None if the robot has no walk that reacts to measurements, or if the station is kinematic.
         """
@@ -185,6 +194,7 @@ class GoMove(Move):
         """
         # Checked here, because an error of `make_move` would name `turn_deg`, which the user did not give.
         for name, value in (("ahead", ahead), ("sideways", sideways), ("turn", turn)):
+            # The result of `finite` has the shape () only for a single finite number.
             if finite(value).shape != ():
                 expected = message("programs.one_speed", "a finite number [m/s]")
                 if name == "turn":
@@ -203,6 +213,14 @@ class GoMove(Move):
         """Check that the robot can follow commands, and return the stage in which it walks.
 
         The outlook is marked as changed, because where the walk ends is not known before.
+
+        Args:
+            robot: the robot.
+            outlook: the station as it will be before the move.
+            name: name of the move for messages. It is not used.
+
+        Raises:
+            SimrobError: see :meth:`station`.
         """
         self.station(outlook.station, robot.name)
         outlook.changed = True
@@ -211,13 +229,14 @@ class GoMove(Move):
     def station(self, config: StationConfig, robot: str, *, start: float = 0.0) -> StationConfig:
         """Make a copy of a station in which a robot follows the command.
 
-        The copy has a walking controller for the robot, or the one that the station has. Its name stays the same from
-        run to run, and with it its state, so that the robot continues in the middle of a step.
+        The copy has the walking controller that the station has for the robot, or else a new one, with the command of
+        this move. The controller's name stays the same from run to run, and with it its state, so that the robot
+        continues in the middle of a step. Steps of the solver are short, and a floor is as large as the walk needs.
 
         Args:
             config: the station.
             robot: name of the robot.
-            start: distance of the robot from the world's origin [m].
+            start: the larger one of the robot's distances from the world's origin along x and along y [m].
 
         Raises:
             SimrobError: the robot does not stand on feet of its own or has no such walk, or the station is kinematic.
@@ -225,12 +244,12 @@ class GoMove(Move):
         walks = {
             key: section for key, section in config.controllers.items() if isinstance(section, Walk)
         }
-        own = [
+        own_walks = [
             key for key, section in walks.items() if (section.robot or config.only_robot) == robot
         ]
         # A second walking controller would move the same axes: the robot's own one gets the command.
-        if own:
-            name = own[0]
+        if own_walks:
+            name = own_walks[0]
             walk = walks[name]
         else:
             name = f"{robot}_walk" if "walk" in config.controllers else "walk"
@@ -238,6 +257,7 @@ class GoMove(Move):
         command = Commanded(ahead=self.ahead, sideways=self.sideways, turn_deg=self.turn_deg)
         # One command replaces the timetable of the station's file, and its path, which gives commands as well.
         settings = {"commands": (command,), "path": None, "strict": self.strict}
+        # The servos also follow the speed of their references, which reduces their lag.
         inputs = (*config.inputs, "reference_velocity")
         changes: dict[str, Any] = {
             "controllers": {**config.controllers, name: walk.model_copy(update=settings)},
@@ -245,7 +265,8 @@ class GoMove(Move):
             "solver": short_steps(config.solver),
         }
         if config.floor is not None:
-            # The floor is a square around the origin; the robot may turn in any direction.
+            # The floor is a square around the origin. Its side is twice the largest distance, because the robot may
+            # walk in any direction.
             distance = start + math.hypot(self.ahead, self.sideways) * self.duration + _FLOOR_AROUND
             size = max(config.floor.size, math.ceil(2.0 * distance))
             changes["floor"] = config.floor.model_copy(update={"size": size})
@@ -254,7 +275,10 @@ class GoMove(Move):
         return changed
 
     def _walk(self, robot: LeggedGeometry) -> SimulationResult:
-        """Run the walk. A floor that had to become larger stays so."""
+        """Run the walk from the present state, on a station that is changed for this run only.
+
+        A floor that had to become larger stays so.
+        """
         # The floor is a square around the origin, so the larger coordinate decides how far the robot is from its
         # edge.
         start = float(abs(robot.base_pose.translation()[:2]).max())
