@@ -459,7 +459,7 @@ def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
         gap=abs(found.gap) * 1e3,
         side=side,
     )
-    # Contact pushes feet that begin deeper out of the ground; a robot that begins higher drops.
+    # If the lowest point begins deeper in the ground, contact pushes it out; a robot that begins higher drops.
     is_on_ground = -TOUCHING <= found.gap <= _DROP
     return Finding("ok" if is_on_ground else "warning", f"{robot.prefix}base", text)
 

@@ -324,7 +324,7 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
         one finding: the deepest collision, or that none is found. The list is empty if the station has only one robot
         and no piece.
     """
-    # A single body has nothing to collide with.
+    # A single robot or piece has no other one to collide with.
     if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
         return []
     subject = message("stations.robots_and_pieces", "robots and pieces")

@@ -189,9 +189,9 @@ def filter_contact_points(
     """Exclude the pairs of shapes that would count a contact twice, after the plant is finalized.
 
     * Balls do not touch balls.
-    * Polyhedra do not touch planes, and of their balls only those at corners do: the lowest point of a polyhedron over
-      a plane is always a corner.
-    * Polyhedra do not touch each other: if two overlap, a corner or an edge of one of them is in the other.
+    * Polyhedra themselves do not touch planes, and of their balls only those at corners do: the lowest point of a
+      polyhedron over a plane is always a corner.
+    * Polyhedra themselves do not touch each other: if two overlap, a corner or an edge of one of them is in the other.
 
     Returns:
         the pairs of shapes (no balls) that touched before and no longer do. The balls of these shapes touch in their
@@ -268,9 +268,9 @@ class _ShapeOwners:
         return float(sum(self.plant.get_body(index).default_mass() for index in indices))
 
     def is_free(self, shape: GeometryId) -> bool:
-        """Whether contact carries the body of a shape: a free piece, or a robot that floats with what it carries.
+        """Whether contact carries the body of a shape: a free piece, a robot that floats, or a piece on such a robot.
 
-        If the robot has feet, its feet carry it, and of its own links only these count.
+        If the robot has feet, only these of its links are carried by contact.
         """
         piece = self.piece(shape)
         # A piece that no robot carries has the world as its carrier.
@@ -311,7 +311,7 @@ def _register_balls(
     load: float,
     points: ContactPoints,
 ) -> None:
-    """Register the balls of one shape in the plant, and append them to ``points``.
+    """Register the balls of one shape in the plant. Append them, and the shape if it is a polyhedron, to ``points``.
 
     Each ball has the material of the shape, and the shape's name with a number.
 

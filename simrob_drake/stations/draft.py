@@ -469,9 +469,9 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
     target_by_axis = target if isinstance(target, Mapping) else dict.fromkeys(axes, target)
     arm_target = {axis: value for axis, value in target_by_axis.items() if axis not in fingers}
     moves: list[dict[str, Any]] = []
-    # Couplings take the other fingers along.
     if arm_target:
         moves.append({"target_deg": arm_target, "duration": _MOVE})
+    # Only the leader has a target: couplings take the other fingers along.
     for position in (almost_closed, opened):
         in_user_units = float(f"{position / robot.user_units[leader]:.6g}")
         moves.append({"target_deg": {axes[leader]: in_user_units}, "duration": _FINGER_MOVE})
@@ -615,9 +615,9 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     """Make the configuration of a drafted content, with the robot's file by its absolute path."""
     # The robot is imported already, so its import options are left out.
     section = {key: value for key, value in content["robot"].items() if key not in _ORIGINS}
-    # A URDF is enough if it stands alone or a robot.yaml is in its folder, which is found from the URDF. A table of
-    # Denavit-Hartenberg parameters, or a description of another name, has to be named itself. (The description file of
-    # a lone URDF is the robot.yaml that its folder would have.)
+    # The path of a URDF is enough if the description is the robot.yaml in its folder, which is found from there, or if
+    # there is no description: `description_file` has the name robot.yaml then, too. A description of another name, or
+    # with a table of Denavit-Hartenberg parameters in place of a URDF, is given by its own path.
     needs_description = robot.dh is not None or robot.description_file.name != ROBOT_FILE
     if needs_description:
         section["model"] = str(robot.description_file)

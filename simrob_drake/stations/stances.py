@@ -347,7 +347,8 @@ class Stances:
     ) -> Iterator[Stance]:
         """Yield the good stances with the feet about at given points, moved under the centre of mass.
 
-        The first leg is bent in several ways. Each other leg is bent in the way that looks most like the first leg.
+        The first leg is bent in several ways. Each other leg is bent in the way that looks most like the first leg,
+        with a small preference for angles near home.
 
         Args:
             legs: k legs.
