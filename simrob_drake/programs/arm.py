@@ -472,9 +472,11 @@ class Workcell(RecordedStation):
         # What is restored if a move fails.
         config = self.config
         state = self.state
-        # The state and the configuration are never changed in place: references to them are enough. The tape is.
+        # The state and the configuration are never changed in place: references to them are enough. The tape, the
+        # recorded runs and changes, is changed in place, so its entries are copied.
         entries = list(self.tape.entries)
         try:
+            # The changes of the program happen at their times while its moves run.
             with following(self, loaded.grid, loaded.changes):
                 runs, spans = self._perform(loaded, file)
         except BaseException:

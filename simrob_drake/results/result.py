@@ -190,10 +190,13 @@ class SimulationResult(RecordedRun):
         return content
 
     def _rebuilt_fields(self) -> dict[str, Any]:
-        """Fields of a pickled result that are computed from its plant, by name."""
+        """Fields that a pickled result makes again when one of them is first used, by name.
+
+        They are its plant, and what is computed from the plant.
+        """
         if not self.runs:
             return super()._rebuilt_fields()
-        # A program has no states of its own. Its runs are pickled, and build their plants again.
+        # A program has no states of its own: its runs are pickled, build their plants again, and give these fields.
         motion = _ProgramMotion(self.runs, self.config, self.wandering)
         return {
             "plant": motion.plant,

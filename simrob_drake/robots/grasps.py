@@ -110,10 +110,10 @@ class Stroke:
 
 
 def stroke_of(model: RobotModel) -> Stroke | None:
-    """Compute how a robot's fingers close.
+    """Measure the gap between a robot's fingers over the opening of the hand.
 
-    Prismatic fingers without shapes are taken to meet where they are closed. Returns None if the robot has no
-    fingers, or if shapes are missing and the fingers turn.
+    If no two shapes close on each other, sliding fingers are taken to meet where they are closed. Returns None if the
+    robot has no fingers, or if no two shapes close on each other and the fingers turn.
     """
     if not model.fingers:
         return None

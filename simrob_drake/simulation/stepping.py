@@ -599,18 +599,18 @@ class Stepper:
 
 
 def interruption_outcome(config: StationConfig, recorder: Recorder, end: float) -> Outcome:
-    """Outcome of a run that its user interrupted. The message contains a hint if the run was slow.
+    """Outcome of a run that its user interrupted. The message contains a hint if the solver's last steps were tiny.
 
     Args:
         config: configuration of the station.
         recorder: the recorded steps.
-        end: planned end of the run [s].
+        end: planned end of the run [s], for the time that is left in the hint.
     """
     text = message("simulation.interrupted", "interrupted at {time:.4g} s", time=recorder.times[-1])
     # A user who interrupts a run most often does so because it takes too long.
-    slow = creeping(config, recorder.times, end)
-    if slow:
-        text += compound("; {slow}", slow=slow)
+    hint = creeping(config, recorder.times, end)
+    if hint:
+        text += compound("; {hint}", hint=hint)
     return Outcome("interrupted", INTERRUPTED, text)
 
 

@@ -122,6 +122,8 @@ def test_a_folder_without_a_result_and_an_unknown_signal_are_refused(folder, tmp
         (None, "cannot be read"),
         ("[]", "must contain a mapping"),
         ("{", "is not JSON"),
+        ('{"servos": []}', "servos: must contain a mapping"),
+        ('{"units": 1}', "units: must contain a mapping"),
     ],
 )
 def test_a_result_with_a_missing_or_damaged_summary_is_refused(summary, words, tmp_path):
@@ -130,6 +132,14 @@ def test_a_result_with_a_missing_or_damaged_summary_is_refused(summary, words, t
         (tmp_path / "summary.json").write_text(summary)
 
     with pytest.raises(InvalidConfig, match=rf"summary\.json: {words}"):
+        sd.load_result(tmp_path)
+
+
+def test_a_table_without_times_is_refused(tmp_path):
+    (tmp_path / "signals.csv").write_text("q.joint_1\n1\n")
+    (tmp_path / "summary.json").write_text("{}")
+
+    with pytest.raises(InvalidConfig, match="time"):
         sd.load_result(tmp_path)
 
 

@@ -116,18 +116,19 @@ class WholeBody:
         desired = self.plan.zmp
         pull = -float(self.walker.gravity[2])  # gravity towards the ground [m/s²]
 
-        # First, while no error is known, the trunk moves as the linear inverted pendulum. Its horizontal position has
-        # the shape (m, 2) [m].
+        # First, while no error is known, the root link moves as the mass of the linear inverted pendulum. `position` is
+        # its x and y, shape (m, 2) [m].
         position = com_from_zmp(desired, step=SAMPLE, height=start.com_height, gravity=pull)
         lean = np.zeros(count)
         angles, root = self._postures(position, lean, angles)
         zmp = whole_body_zmp(self.skeleton, root, angles, SAMPLE, self.walker.gravity)
         for _ in range(rounds):
-            # How the pendulum answers to the missing part of the ZMP is how the trunk is moved in addition.
+            # The motion by which the pendulum would have the missing ZMP is added to that of the trunk.
             missing = desired - zmp
             move = com_from_zmp(missing, step=SAMPLE, height=start.com_height, gravity=pull)
             if self.leans:
-                # The lean replaces the sideways move of the trunk.
+                # The lean replaces the sideways move of the trunk. A lean by an angle moves the centre of mass by
+                # `com_per_lean` times the angle.
                 lean_move = com_from_zmp(
                     missing[:, 1:], step=SAMPLE, height=start.lean_height, gravity=pull
                 )

@@ -311,7 +311,7 @@ def read_move(kind: type[Move], content: Mapping[str, Any], where: str) -> Move:
 
     Args:
         kind: kind of the move.
-        content: the entry, which has the key of the kind.
+        content: the entry. If it lacks the key of the kind, the error says so.
         where: name of the move for error messages.
 
     Raises:

@@ -417,13 +417,14 @@ def _timed_path(
     how: How,
     points: int,
 ) -> Plan:
-    """Give a path its timing: as the options demand or, if they leave it free, as fast as usual and as motors allow.
+    """Give a path its timing: as the options demand or, if they leave it free, in the usual time or as motors allow.
 
     Args:
         plannings: the start of each robot's move.
         space: the space in which the robots move.
         path: the path of all robots.
-        limits: limits of the axes of all robots.
+        limits: limits of the axes of all robots. They are kept here only if the timing is free; with a duration or a
+            speed of the user's they are checked later.
         how: see :class:`How`.
         points: count of points on the way to the target.
 
@@ -438,9 +439,10 @@ def _timed_path(
     # the fraction 1.
     segment = Segment(path.fractions, path.postures, max(tool_lengths), np.ones(1))
     first = plannings[0]
-    motors = partial(first.motors, [*space.start])  # made only if the timing needs them
+    robots = list(space.start)
+    motors = partial(first.motors, robots)  # made only if the timing needs them
     fastest = plan_timed(first.robot, [segment], how, points, limits, motors)
-    # Without a speed or a duration from the user, the move may take as long as the motors need.
+    # If the timing is free, the move may take as long as the motors need.
     may_take_longer = is_free(how) and how.get("check", CHECKED) != "nothing"
     return slowed_for_motors(motors(), fastest) if may_take_longer else fastest
 

@@ -264,10 +264,10 @@ class Layout:
         return box
 
     def _align_all(self) -> None:
-        """Set the heights of all boxes and of the ends of all nets.
+        """Set where all boxes are vertically (`y`), and the heights at which all nets begin and end.
 
-        Each column is aligned to its neighbour, alternately from left to right and back. During the first half of the
-        rounds the boxes of a column may also change their order.
+        Each column is aligned to the column before it, alternately from left to right and back. During the first half
+        of the rounds the boxes of a column may also change their order.
         """
         for column in self.columns:
             self._stack(column, lambda box: 0.0)  # all columns begin around the height 0

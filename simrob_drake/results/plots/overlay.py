@@ -117,14 +117,32 @@ def read_signals(folder: Path) -> SavedSignals:
         raise InvalidConfig(folder, "", problem)
     # Units are not in the table of signals itself, whose first line has names only.
     summary = read_summary(folder)
-    names = column_names(table)
-    values, _ = read_columns(table, names)
-    columns = {name: values[:, index] for index, name in enumerate(names)}
-    times = columns.pop(TIME_COLUMN)
+    signals = [name for name in column_names(table) if name != TIME_COLUMN]
+    # The column of times is named even if the table lacks it, so that it is missed with its name.
+    values, _ = read_columns(table, [TIME_COLUMN, *signals])
+    columns = {name: values[:, index] for index, name in enumerate(signals, 1)}
     # Older results have no gains in their summary.
-    gains_of_robots = [servo_in_words(servo) for servo in summary.get("servos", {}).values()]
+    servos = _mapping_of_summary(summary, "servos", folder)
+    gains_of_robots = [servo_in_words(servo) for servo in servos.values()]
     name = join_texts([str(folder), *gains_of_robots[:1]], ": ")
-    return SavedSignals(name, times, columns, units=summary.get("units", {}))
+    units = _mapping_of_summary(summary, "units", folder)
+    return SavedSignals(name, values[:, 0], columns, units=units)
+
+
+def _mapping_of_summary(summary: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:
+    """Value of a key of a result's summary, which must be a mapping. It is empty if the summary lacks the key.
+
+    Raises:
+        InvalidConfig: the value is no mapping.
+    """
+    content = summary.get(key, {})
+    if not isinstance(content, dict):
+        raise InvalidConfig(
+            folder / SUMMARY,
+            key,
+            message("base.no_mapping", "must contain a mapping of keys to values"),
+        )
+    return content
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

@@ -258,7 +258,7 @@ class PlantSlice:
 def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> PlantSlice | None:
     """Find the state of the plant in the continuous state of a diagram.
 
-    Returns None if the plant has no continuous state, as a discrete plant.
+    Returns None if the plant has no continuous state, as a discrete plant, or is no direct subsystem of the diagram.
 
     Args:
         diagram: the diagram.

@@ -97,7 +97,9 @@ def pose_vector(pose: Vector) -> list[float]:
 
 
 def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
-    """Make the content of ``summary.json``: the end of the run, final and largest values, measures, speed, versions.
+    """Make the content of ``summary.json``.
+
+    It has the end of the run, final and largest values, measures of walks, the real-time rate, and versions.
 
     Args:
         run: the run.
@@ -143,7 +145,9 @@ def summary_of(run: RecordedRun, verdict: Verdict) -> dict[str, Any]:
         "motors": _motors(run),
         "servos": servos_of(run),
         "locomotion": _locomotion(run),
+        # Times at which a sequencer reached its cells [s], by its name.
         "cells": run.cells,
+        # Kind of each sensor, and how its values were computed.
         "sensors": {name: run.notes[name] for name in run.config.sensors},
         "units": run.units,
         "versions": {

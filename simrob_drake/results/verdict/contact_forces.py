@@ -141,10 +141,6 @@ def _judged_direction(run: RecordedRun, contacts: list[ContactSample]) -> Vector
     Returns:
         the direction. None if there are no contact samples, or if friction counts and the engine, such as cenic,
         reports wrong friction forces.
-
-    Args:
-        run: the run.
-        contacts: the contact samples of the rest.
     """
     if not contacts:
         return None
@@ -281,7 +277,8 @@ def _steady_contact(contacts: list[ContactSample]) -> SteadyContact | None:
     length = float(np.linalg.norm(mean_normal))
     if length == 0.0:  # normals that are opposite, as of a piece in a slot
         return None
-    # The normal of a sample is at most 1 long, so that this bounds its angle to the mean.
+    # The normal n of a sample is a mean of unit vectors, at most 1 long. With n m >= cos(2 deg) |m|, its angle to the
+    # mean m is therefore 2 deg at most.
     if any(contact.normal @ mean_normal < STEADY_NORMAL * length for contact in contacts):
         return None
     (partner,) = partners
