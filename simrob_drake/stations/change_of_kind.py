@@ -68,9 +68,9 @@ class KeyLosses:
     """A record of the keys that sections lose because their kinds change.
 
     Attributes:
-        counts_defaults: whether a dropped key with the default value of the old kind counts as lost. In a station's
-            file it does, since a user wrote it. The content of a configuration has all keys, so that defaults there
-            were not given by anybody.
+        counts_defaults: whether a dropped key with the default value of the old kind counts as lost. True for the
+            content of a station's file, where a user wrote the key. False for the content of a `StationConfig`, which
+            has all keys, also those that no user gave.
         texts: texts of the warnings.
     """
 
@@ -131,8 +131,7 @@ def _is_default(
     if section_class is None or key not in section_class.model_fields:
         return False
     declared = section_class.model_fields[key]
-    # A default may be a value or, for sections and mappings, a function that makes the value.
-    # A required key has no default, so whatever it has was given by somebody.
+    # A required key has no default. A default may be a value or, for sections and mappings, a function that makes it.
     return not declared.is_required() and section[key] == declared.get_default(
         call_default_factory=True
     )
@@ -175,8 +174,7 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
         if isinstance(value, (int, float)):
             # Over `settings`, since `kept` loses entries in this loop.
             for earlier_key in settings:
-                # `servo.kp.joint_2` of before would otherwise go on to overrule the new number of
-                # all axes.
+                # The earlier `servo.kp.joint_2` would otherwise replace the new number at its axis.
                 if earlier_key.startswith(f"{key}.") and earlier_key not in changes:
                     kept.pop(earlier_key, None)
         change = _change_of_kind(key, value)

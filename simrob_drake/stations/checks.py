@@ -68,7 +68,7 @@ def check_station(config: StationConfig) -> list[Finding]:
     for robot in robots:
         findings += _effort_findings(config, robot)
         findings += _motor_findings(robot)
-        # A robot that floats has no fixed base to hold it: how it stands decides over its torques.
+        # A robot that floats has no fixed base to hold it: its torques depend on how it stands.
         stands = config.engine.moves_by_forces and robot.model.base == "floating"
         if stands:
             findings += _standing_findings(ports, robot)
@@ -115,7 +115,7 @@ def _signal_finding(signal: Signal) -> Finding:
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
     """Compute the torques (n,) [N·m or N] that hold a robot still against gravity at a posture (n,) [rad or m].
 
-    Contacts do not count, so that the robot must be held by its root.
+    Forces of contacts are left out, so the result is right only for a robot that its root holds.
     """
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
@@ -288,7 +288,7 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 
     Nothing is checked if the station sets torque limits for the robot's servos, or if any axis has a motor model.
     """
-    # Then the limits of the file have no effect: those of the station or of the motors count.
+    # A limit of the station, or of an axis' motor, takes the place of the limit in the file.
     if config.servo_of(robot.name).torque_limit is not None or any(robot.motors):
         return []
     # Some files have an effort of 1000 N·m for a light wrist, which only says that there is no limit.
@@ -396,7 +396,8 @@ def _holding_findings(
 def _standing_findings(ports: StationPorts, robot: StationRobot) -> list[Finding]:
     """Check how a robot with a floating base stands at the start, and the torques that this takes.
 
-    If it has nothing to stand on, the only finding is the warning that it falls.
+    If the station has no ground or no section ``contact``, or the robot has neither feet nor collision shapes, the only
+    finding is the warning that the robot falls.
     """
     config = ports.config
     ground = ports.plant.ground
@@ -458,7 +459,7 @@ def _gap_finding(robot: StationRobot, found: Standing) -> Finding:
         gap=abs(found.gap) * 1e3,
         side=side,
     )
-    # Contact pushes feet that begin deeper out of the ground; a robot that begins higher drops.
+    # If the lowest point begins deeper in the ground, contact pushes it out; a robot that begins higher drops.
     is_on_ground = -TOUCHING <= found.gap <= _DROP
     return Finding("ok" if is_on_ground else "warning", f"{robot.prefix}base", text)
 
@@ -522,12 +523,17 @@ def _standing_torque(
         robot: the robot.
         axis: index of the axis.
         torque: torque of the axis [N·m or N].
+
+    Returns:
+        a warning if the axis does not hold, sags by more than the verdict allows, or gets too warm; otherwise that it
+        is in order, or a note about a passive axis that needs no torque.
     """
     unit = robot.model.units[axis]
     # A passive axis has neither a torque limit nor a servo that gives way.
     if robot.gains.passive[axis]:
         return _standing_on_passive(robot, axis, torque)
-    # A motor gives less torque at speed. A robot that stands does not move, so the limit at rest counts.
+    # A motor gives less torque at speed. A robot that stands does not move, so its torque is compared with the limit at
+    # rest.
     limit = robot.gains.limit_at_rest[axis]
     kp = robot.gains.kp[axis]
     subject = message(
@@ -619,7 +625,7 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     """Report the two bodies that overlap most at the start, in the default context of the station's diagram.
 
     Returns:
-        one finding: a warning if they overlap by more than a touch, otherwise that this is in order. For a station
+        one finding: a warning if they overlap by more than TOUCHING, otherwise that this is in order. For a station
         without contact it is a note, and nothing is measured.
     """
     if ports.config.contact is None:

@@ -203,8 +203,8 @@ class ClearStart:
         """Choose the height of the root: set the attributes `hangs` and `height`.
 
         Args:
-            heights: heights of the k bodies with shapes over the root's own floor in m postures, the home posture
-                first, shape (m, k) [m].
+            heights: heights of the k bodies with shapes above the root's origin in m postures, the home posture first,
+                shape (m, k) [m]; negative for a body that reaches below the origin.
             moves: whether each of these bodies moves, shape (k,).
         """
         at_home = heights[0]
@@ -215,7 +215,7 @@ class ClearStart:
         # The robot hangs if it reaches far below its root and its fixed bodies.
         self.hangs = bool(at_home.min(initial=0.0) < base_height - _HANGS * reach)
         if self.hangs:
-            # Its lowest point in all postures is _ABOVE of its reach over the floor.
+            # The lowest point of all postures is then `_ABOVE * reach` over the floor.
             self.height = _ABOVE * reach - float(heights.min())
         else:
             # High enough that the base is not in the floor, and that each body is over the floor in some posture.
@@ -224,7 +224,8 @@ class ClearStart:
     def find(self) -> Start:
         """Find the best start: with links well over the floor, or else just over it.
 
-        If no posture and move are clear, the start has the posture with the smallest faults that was found.
+        If no clear posture with a clear first move is found, the start has the posture with the smallest faults that
+        was found. It has no move then, unless that posture and a move from it are clear after all.
         """
         # First with a distance from the floor. Some robots cannot keep it: then links may be just above the floor.
         for height in (_OVER, 0.0):
@@ -249,7 +250,8 @@ class ClearStart:
     def _with_less_faults(self, posture: Vector) -> Vector:
         """Reduce the faults of a posture (n,) [rad or m]; each step moves the axis that reduces the faults most.
 
-        The steps end if no move of a single axis reduces the faults. Returns the best posture, which may have faults.
+        It takes at most _STEPS steps, and ends earlier if no move of a single axis reduces the faults. Returns the best
+        posture, which may have faults.
         """
         for _ in range(_STEPS):
             neighbours = neighbouring_postures(self._robot, posture, self._axes)
@@ -326,9 +328,10 @@ class ClearStart:
             yield [posture for posture in dexterous if not any(self._faults(posture))]
 
     def _changed_postures(self, count: int) -> list[Vector]:
-        """Draw different postures (n,) in which ``count`` axes are moved away from home, within the limits.
+        """Draw postures (n,) within the limits, no two equal, that differ from one posture in ``count`` axes.
 
-        They start from the home posture with its overlaps reduced. Followers move with their leaders.
+        That posture is the home posture with its overlaps reduced. Followers move with their leaders. A robot with
+        fewer axes is moved in all of them.
         """
         postures = {}  # by their bytes, so that no posture is kept twice
         for _ in range(_TRIED):
@@ -388,7 +391,7 @@ class ClearStart:
         is_within_limits = not self._robot.model.followers or self._is_within_limits(posture + step)
         if is_within_limits and self._is_clear(posture, step, _PARTS):
             return posture + step
-        # A fault of one axis rules out the motion of all axes. They are added one at a time, so that only it stays.
+        # One axis with a fault spoils the motion of all. Axes are added one at a time, so that only this axis stays.
         step = self._combined_step(posture, step)
         # The combination was checked at few parts of the move: check it at all of them.
         if step.any() and self._is_clear(posture, step, _PARTS):
@@ -517,7 +520,7 @@ class ClearStart:
 
         Returns:
             a list with one sentence: the faults of the move, or what was checked and found to be good. The list is
-            empty if nothing was checked, since the robot has no shapes and needs no motors that hold it.
+            empty if nothing was checked: the robot has no shapes, and no motor that must hold it.
         """
         faults = list[Faults]()
         loads = list[float]()

@@ -141,7 +141,7 @@ def standing(
     contacts = [StandingContact(frames[index], points[index]) for index in carrying]
 
     mass = plant.CalcTotalMass(context, [robot.instance])
-    # Pieces that the robot carries are links of its model instance, so that their masses count.
+    # Pieces that the robot carries are parts of its model instance, so that their masses count.
     com = plant.CalcCenterOfMassPositionInWorld(context, [robot.instance])
     contact_points = points[carrying]
     return Standing(
@@ -275,8 +275,9 @@ def _holding_torque(
 ) -> Vector:
     """Compute the torques with which the joints hold a robot that stands at rest, shape (n,) [N·m or N].
 
-    The contacts push upward. With their forces f, the rows J of their vertical Jacobian and the generalized forces g of
-    gravity, statics demands: torque = -(g + sum of f J). The contacts (at least one) are the points that carry.
+    The k contacts (at least one) push upward, with the forces f (k,). With their vertical Jacobian J (k, nv) and the
+    generalized forces g (nv,) of gravity, statics demands -(g + J' f) of the joints. Of these nv values, the result has
+    those of the robot's axes.
     """
     points = np.array([contact.point for contact in contacts])
     mass = plant.CalcTotalMass(context, [robot.instance])
@@ -403,7 +404,8 @@ class Clearance(PosedStation):
     def lowest(self, robot: StationRobot) -> dict[str, float]:
         """Height of the lowest point of each body of a robot above the ground beneath it [m], by the body's name.
 
-        Bodies without collision shapes are left out. A height is negative if the point is below the ground.
+        A body includes the links that are fixed to it, and the pieces that it carries. Bodies without collision shapes
+        are left out. A height is negative if the point is below the ground.
         """
         heights: dict[str, float] = {}
         for body, points in shape_points(self.station, robot, self.context):

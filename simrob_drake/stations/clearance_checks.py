@@ -3,7 +3,8 @@
 The station is not simulated. Its robots are set to postures along their references (the desired motions), and the
 heights and overlaps of all bodies are measured in each posture. A finding is a result for the user: a warning, a note,
 or that something is in order. The owner of a body is the robot that it belongs to: a link belongs to its robot, a piece
-to the robot that carries it; other pieces have no owner.
+to the robot that carries it; other pieces have no owner. For heights, a *link* is a body of the plant: it includes the
+links that are fixed to it and the pieces that it carries.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -44,7 +45,7 @@ class _LinkHeight(NamedTuple):
     """Height of a link in one of the checked postures. Sorted, the lowest link comes first.
 
     Attributes:
-        height: height of the link above the ground [m].
+        height: height of the link's lowest point above the ground [m].
         time: time of the posture [s].
         link: name of the link.
     """
@@ -151,8 +152,8 @@ def _floor_findings(
         when_checked: text that describes the checked postures, such as "at the start,".
 
     Returns:
-        one finding about the moving links, after another one if fixed links are below the ground. It is a note if the
-        station has no floor, or if no moving link has a shape.
+        one note if the station has no ground. Otherwise one finding about the moving links, which is a note if none of
+        them has a shape; before it, a warning if fixed links are below the ground.
     """
     ground = clearance.station.ground
     subject = message("stations.floor_and", "floor and {robot}", robot=robot.name)
@@ -215,7 +216,7 @@ def _floor_findings(
 
 
 class _HeightsByMotion(NamedTuple):
-    """Heights of a robot's links, apart for links that are fixed to the world and links that move.
+    """Heights of a robot's links, in separate lists for links that are fixed to the world and links that move.
 
     Attributes:
         fixed: height of each fixed link [m].
@@ -258,7 +259,7 @@ def _self_findings(
         when_checked: text that describes the checked postures, such as "at the start,".
 
     Returns:
-        one finding, which also lists the pairs of links that never count as a collision.
+        one finding, which also lists the pairs of the robot's bodies that never count as a collision.
     """
     subject = message("stations.links_of", "links of {robot}", robot=robot.name)
     left_out = _left_out_text(clearance, robot)
@@ -323,7 +324,7 @@ def _other_findings(clearance: Clearance, measured: _Measurements) -> list[Findi
         one finding: the deepest collision, or that none is found. The list is empty if the station has only one robot
         and no piece.
     """
-    # A single body has nothing to collide with.
+    # A single robot or piece has no other one to collide with.
     if len(clearance.resolved.robots) + len(clearance.resolved.pieces) < 2:
         return []
     subject = message("stations.robots_and_pieces", "robots and pieces")

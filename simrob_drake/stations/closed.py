@@ -142,9 +142,10 @@ def closed_station(
     builder = DiagramBuilder()
     # A caller that resumes a run has computed the references already, from the positions at which the run goes on.
     played = station_references(station) if references is None else references
-    # Usually a source drives the block that an input of the station is. A lean dynamic station does without this block
-    # and reads the source, which must therefore exist before the station. If there are blocks or controllers, these may
-    # drive the input instead, which is known only after the station has been composed.
+    # An input of a station is usually a block that passes its signal on, and the source is connected to this block. A
+    # lean dynamic station has no such block and reads the source itself, which must therefore exist before the station.
+    # With blocks or controllers that is not possible: whether they drive the input in place of the source is known only
+    # after the station has been composed.
     early: dict[str, _DrivenInputs] = {}
     if lean and not blocks and not station.config.controllers:
         early = _early_sources(builder, station, played)
@@ -202,7 +203,7 @@ def _add_zeros(builder: DiagramBuilder, ports: StationPorts) -> None:
             continue
         zero = add_and_connect(builder, f"{name}.zero", ConstantVectorSource(np.zeros(port.size())))
         builder.Connect(zero, port)
-        # The robot whose input it is, for the picture.
+        # The robot whose input it is, for the picture. The prefix of an only robot is empty, and fits every name.
         owner = next(
             (robot for robot in ports.plant.robots.values() if name.startswith(robot.prefix)), None
         )
@@ -264,7 +265,12 @@ def _early_sources(
 ) -> dict[str, _DrivenInputs]:
     """Add the sources of a dynamic station's references before the station is composed.
 
-    The station then reads the sources directly, and has no inputs, which are blocks, for the quantities that they give.
+    The station then reads the sources directly, and has no inputs for the quantities that the sources give.
+
+    Args:
+        builder: builder of the diagram.
+        station: the station.
+        played: reference of each robot, by the robot's name.
 
     Returns:
         the source of each robot by the robot's name; empty for a kinematic station.
@@ -277,8 +283,8 @@ def _early_sources(
         inputs = {"reference", *station.config.inputs}
         if station.config.servo_of(name).follows_motion:
             inputs.update(_MOTION)
-        taken = [each for each in _MOTION if each in inputs]
-        found[name] = _source(builder, robot.prefix, played[name], taken)
+        input_names = [each for each in _MOTION if each in inputs]
+        found[name] = _source(builder, robot.prefix, played[name], input_names)
     return found
 
 
@@ -286,7 +292,7 @@ def _source(
     builder: DiagramBuilder,
     prefix: str,
     reference: Reference,
-    taken: Sequence[str],
+    input_names: Sequence[str],
 ) -> _DrivenInputs:
     """Add a source for a robot's desired motion.
 
@@ -294,16 +300,18 @@ def _source(
         builder: builder of the diagram.
         prefix: prefix of the robot's names.
         reference: the desired motion.
-        taken: names of the inputs that the source drives, a part of ``_MOTION`` in its order.
+        input_names: names of the inputs that the source drives, without the prefix: a part of ``_MOTION`` in its order.
     """
     # The names are in the order of the derivatives, so that the index of a name is the order of its derivative.
-    highest_derivative = _MOTION.index(taken[-1])
+    highest_derivative = _MOTION.index(input_names[-1])
     source = add_reference(
         builder, reference, name=f"{prefix}reference_source", derivatives=highest_derivative
     )
     outputs = zip(_MOTION, (source.position, source.velocity, source.acceleration), strict=True)
     driven = {
-        f"{prefix}{name}": port for name, port in outputs if name in taken and port is not None
+        f"{prefix}{name}": port
+        for name, port in outputs
+        if name in input_names and port is not None
     }
     return _DrivenInputs(source, driven)
 
@@ -357,8 +365,9 @@ def station_references(
         station: the station.
         requested: references that replace those of the configuration, by the robot's name. Samples (times and
             positions) are joined by straight lines as in Simulink, or by a smooth curve if the servos need derivatives.
-        starts: positions at which the references of the configuration begin, by the robot's name, shape (n,) [rad or
-            m]. By default they are the robots' initial positions.
+        starts: positions (n,) [rad or m] of the robots at the start, by name, from which the references of the
+            configuration are computed: a move begins there, a sine swings about them. By default they are the robots'
+            initial positions.
 
     Returns:
         the references by robot, also of robots whose references a controller will replace.
@@ -373,16 +382,16 @@ def station_references(
     for robot in station.robots.values():
         start = starts.get(robot.name, robot.initial)
         _check_start(robot, start)
-        own: Any = requested.get(robot.name)  # a reference, samples, or None
-        if own is None:
+        requested_one: Any = requested.get(robot.name)  # a reference, samples, or None
+        if requested_one is None:
             reference: Reference = station.config.reference_of(robot.name).trajectory(robot, start)
-        elif isinstance(own, tuple):
+        elif isinstance(requested_one, tuple):
             # Straight lines have jumps of the speed, which servos that follow the speed would pass
             # on.
             linear = not station.config.follows_speed(robot.name)
-            reference = _interpolate(own, robot, linear=linear)
+            reference = _interpolate(requested_one, robot, linear=linear)
         else:
-            reference = own
+            reference = requested_one
         _check_size(robot, reference)
         references[robot.name] = reference
     # Last, since an axis that follows others needs their references.

@@ -78,8 +78,8 @@ class Overlap:
         bodies: names of the bodies in alphabetical order.
         robot: name of the robot that owns both bodies; an empty string if there is no such robot.
         moved: names of the bodies; in :meth:`CollisionPolicy.overlaps` the body of a moving
-            robot is first. If one robot owns both bodies, the order is alphabetical, as it
-            always is in :meth:`CollisionPolicy.touching`.
+            robot is first, and either body if all pairs count. If one robot owns both bodies, the
+            order is alphabetical, as it always is in :meth:`CollisionPolicy.touching`.
     """
 
     depth: float
@@ -224,7 +224,7 @@ class CollisionPolicy:
     def allowed_from_start(self, movers: Collection[str]) -> dict[Bodies, float]:
         """Measure the overlap [m] that each pair of bodies may keep because it touches at the start.
 
-        Call this in the start posture. A pair may stay as deep during the move, such as a
+        Call this in the start posture of a move. A pair may stay as deep during the move, such as a
         piece on its table. The allowed depth is infinite for bodies without a common owner
         that overlap by more than START_TOLERANCE: such a pair is not checked at all, so
         that a move can separate the two bodies.

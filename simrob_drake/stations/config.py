@@ -138,7 +138,7 @@ class ServoConfig(Renamed):
 
     @property
     def follows_motion(self) -> bool:
-        """Whether speed and acceleration that are asked for count, too."""
+        """Whether the servos also need the desired velocity and acceleration, for torques from the robot's model."""
         return self.law == "computed_torque" or self.feedforward == "inverse_dynamics"
 
     @model_validator(mode="after")
@@ -449,7 +449,11 @@ class StationConfig(Renamed):
 
     @model_validator(mode="after")
     def _check_keys_of_files(self) -> "StationConfig":
-        """Check that no key is left that only the loading of a file takes into account."""
+        """Refuse the keys ``packages`` and ``add_directives``, which `load_station` replaces before this check.
+
+        Raises:
+            ValueError: one of these keys has a value.
+        """
         if self.packages or self.add_directives:
             raise ValueError(
                 message(

@@ -174,7 +174,8 @@ def check_stiffnesses(
 ) -> None:
     """Check that the solver of a station can hold the contacts of its bodies.
 
-    Only stiffnesses that the station gives are checked. A station without contact forces passes.
+    Only stiffnesses that the station or one of its pieces gives are checked, and only at bodies that can move. A
+    station without contact forces passes.
 
     Args:
         plant: the finalized plant.
@@ -361,16 +362,19 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
 def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add the Coulomb friction of the robots' joints to the diagram of a station.
 
-    Usually, the plant has an actuator for the friction of each joint: a servo without stiffness whose torque limit is
-    the friction. It pulls the joint to rest: its desired state, zero, is connected here, unless the robot's servos have
-    the realization ``implicit``. Those servos are actuators, too. The desired state of all actuators of the robot is
-    one port, which they have connected already, with the speed zero for friction. The solver ``cenic`` gets blocks
-    instead, since its actuators hold one torque for each joint, that of the motor. Another engine than Drake has
-    friction of its own; then nothing is added.
+    There are three cases:
+
+    * An engine that computes friction itself, such as one of an extension, needs nothing, and nothing is added.
+    * With the solver ``cenic`` friction is computed by blocks, since its actuators hold one torque for each joint, that
+      of the motor.
+    * Otherwise the plant has an actuator for the friction of each joint: a servo without stiffness whose torque limit
+      is the friction, and which pulls the joint to rest. Its desired state, zero, is connected here, unless the robot's
+      servos have the realization ``implicit``. Then the servos are actuators, too, and the one port for the desired
+      state of all actuators of the robot is connected already, with the speed zero for friction.
 
     ``cenic`` linearises the forces of blocks at the start of a step h. Friction c that reverses a joint's motion within
-    a step would do so for ever. So the speed v_s above which friction is constant is at least c h / M, with the inertia
-    M of the axis if all other axes are free.
+    a step would reverse it again in the next one, and so on. So the speed v_s above which friction is constant is at
+    least c h / M, with the inertia M of the axis if all other axes are free.
     """
     config = ports.config
     engine = config.engine

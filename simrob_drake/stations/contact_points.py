@@ -149,11 +149,10 @@ def add_contact_points(
     robots: Sequence[StationRobot],
     shapes: Sequence[GeometryId],
 ) -> ContactPoints:
-    """Register the balls of a station's flat shapes in the plant, before the plant is finalized. Returns these balls.
+    """Register the balls of a station's flat shapes in the plant, before the plant is finalized.
 
     Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
-    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots. Otherwise, and
-    if the station does not use contact points, the result is empty.
+    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots.
 
     Args:
         plant: the plant with all robots and pieces, not finalized.
@@ -161,6 +160,10 @@ def add_contact_points(
         station: the station with its pieces and configuration.
         robots: the robots in the plant.
         shapes: collision shapes of the station.
+
+    Returns:
+        the balls, and the polyhedra for which they stand; empty if the station does not use contact points, or has
+        neither free pieces nor robots that float with flat shapes.
     """
     points = ContactPoints()
     if not uses_contact_points(station.config):
@@ -186,9 +189,9 @@ def filter_contact_points(
     """Exclude the pairs of shapes that would count a contact twice, after the plant is finalized.
 
     * Balls do not touch balls.
-    * Polyhedra do not touch planes, and of their balls only those at corners do: the lowest point of a polyhedron over
-      a plane is always a corner.
-    * Polyhedra do not touch each other: if two overlap, a corner or an edge of one of them is in the other.
+    * Polyhedra themselves do not touch planes, and of their balls only those at corners do: the lowest point of a
+      polyhedron over a plane is always a corner.
+    * Polyhedra themselves do not touch each other: if two overlap, a corner or an edge of one of them is in the other.
 
     Returns:
         the pairs of shapes (no balls) that touched before and no longer do. The balls of these shapes touch in their
@@ -205,8 +208,8 @@ def filter_contact_points(
     polyhedra = set(points.polyhedra)
     planes_and_polyhedra = polyhedra.union(planes)
     replaced = []
-    # Without the pairs of balls, which can be thousands and would take most of the time of building a station.
-    # Sorted, so that the order of the pairs is the same in every run.
+    # The filter above has removed the pairs of two balls, which can be thousands and would take most of the time of
+    # building a station. Sorted, so that the order of the pairs is the same in every run.
     for pair in sorted(inspector.GetCollisionCandidates()):
         has_polyhedron = not polyhedra.isdisjoint(pair)
         if has_polyhedron and planes_and_polyhedra.issuperset(pair):
@@ -265,9 +268,9 @@ class _ShapeOwners:
         return float(sum(self.plant.get_body(index).default_mass() for index in indices))
 
     def is_free(self, shape: GeometryId) -> bool:
-        """Whether contact carries the body of a shape: a free piece, or a robot that floats with what it carries.
+        """Whether contact carries the body of a shape: a free piece, a robot that floats, or a piece on such a robot.
 
-        If the robot has feet, its feet carry it, and of its own links only these count.
+        If the robot has feet, only these of its links are carried by contact.
         """
         piece = self.piece(shape)
         # A piece that no robot carries has the world as its carrier.
@@ -308,7 +311,7 @@ def _register_balls(
     load: float,
     points: ContactPoints,
 ) -> None:
-    """Register the balls of one shape in the plant, and append them to ``points``.
+    """Register the balls of one shape in the plant. Append them, and the shape if it is a polyhedron, to ``points``.
 
     Each ball has the material of the shape, and the shape's name with a number.
 
@@ -452,7 +455,8 @@ def _balls_of_round_shape(
 ) -> list[ContactBall]:
     """Place the balls of a shape that is flat in parts only: a cylinder, a capsule or a mesh with many corners.
 
-    The balls protrude by twice the depth [m] by which they sink in, so that they carry the flat parts.
+    The balls protrude by twice the depth [m] by which they sink in, but at least by SMALLEST_PROTRUSION and at most by
+    LARGEST_PROTRUSION, so that they carry the flat parts.
     """
     # Twice the depth, so that balls that have sunk in still hold the flat part off.
     protrusion = float(np.clip(2 * depth, SMALLEST_PROTRUSION, LARGEST_PROTRUSION))

@@ -152,7 +152,7 @@ def expected_position(
 ) -> str:
     """Write, for an error message, the position that an axis would need and the couplings that demand this position.
 
-    They demand it with the present positions of the other axes of the condition, which the text names, too.
+    The position follows from those of the other axes of the condition, which the text names, too.
 
     Args:
         coupled: the n axes of all robots, with their equations.

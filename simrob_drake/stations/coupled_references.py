@@ -170,6 +170,8 @@ def with_partners(
 ) -> Vector:
     """Complete a posture to which a move goes: move the partners of its named axes to where the couplings take them.
 
+    Whether the named axes themselves contradict a coupling is not checked.
+
     Args:
         station: the station with the robots and couplings.
         robot: name of the robot; the other robots stay at their initial positions.
@@ -230,7 +232,7 @@ def _firmness(
         the firmness of each axis, in the order of the robot's axes.
     """
     config = station.config
-    # As the reference of the station's file gives the axes, unless another reference replaces it.
+    # The firmness by the section `reference` of the station's file, unless another reference replaces that one.
     firmness = config.reference_of(robot.name).firmness(robot.model)
     if is_requested:
         firmness = [Firmness.NAMED] * len(robot.axes)

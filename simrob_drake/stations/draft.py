@@ -93,7 +93,9 @@ def draft_station(
     """Write the YAML text of a first station for a robot.
 
     A robot with a fixed base starts clear of the floor and of itself, and moves all joints a little way under joint
-    torque, in continuous time if a trial run gets to its end quickly enough, otherwise in discrete steps. A robot with
+    torque, in continuous time if a trial run gets to its end quickly enough, otherwise in discrete steps. If it has
+    fingers, a program closes and opens them after this move, in discrete steps. If it has closed kinematic loops, it
+    begins in a posture that closes them, which is not checked for collisions, and moves in discrete steps. A robot with
     a floating base is put on its feet in a posture in which it stands in a trial run; a monitor ends the run if it
     falls. A robot without inertias moves kinematically. Comments in the file list what was checked, tried and found.
 
@@ -106,6 +108,7 @@ def draft_station(
 
     Raises:
         InvalidModel: the robot cannot be imported.
+        InvalidParameter: no posture within the limits closes the robot's kinematic loops.
         Unsuitable: options are given for a YAML file, or a YAML file describes a robot with a floating base that has no
             collision shapes.
     """
@@ -466,9 +469,9 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
     target_by_axis = target if isinstance(target, Mapping) else dict.fromkeys(axes, target)
     arm_target = {axis: value for axis, value in target_by_axis.items() if axis not in fingers}
     moves: list[dict[str, Any]] = []
-    # Couplings take the other fingers along.
     if arm_target:
         moves.append({"target_deg": arm_target, "duration": _MOVE})
+    # Only the leader has a target: couplings take the other fingers along.
     for position in (almost_closed, opened):
         in_user_units = float(f"{position / robot.user_units[leader]:.6g}")
         moves.append({"target_deg": {axes[leader]: in_user_units}, "duration": _FINGER_MOVE})
@@ -612,9 +615,9 @@ def _config(robot: RobotModel, content: Mapping[str, Any]) -> StationConfig:
     """Make the configuration of a drafted content, with the robot's file by its absolute path."""
     # The robot is imported already, so its import options are left out.
     section = {key: value for key, value in content["robot"].items() if key not in _ORIGINS}
-    # A URDF is enough if it stands alone or a robot.yaml is in its folder, which is found from the URDF. A table of
-    # Denavit-Hartenberg parameters, or a description of another name, has to be named itself. (The description file of
-    # a lone URDF is the robot.yaml that its folder would have.)
+    # The path of a URDF is enough if the description is the robot.yaml in its folder, which is found from there, or if
+    # there is no description: `description_file` has the name robot.yaml then, too. A description of another name, or
+    # with a table of Denavit-Hartenberg parameters in place of a URDF, is given by its own path.
     needs_description = robot.dh is not None or robot.description_file.name != ROBOT_FILE
     if needs_description:
         section["model"] = str(robot.description_file)
@@ -695,8 +698,8 @@ def _of_motors(robot: RobotModel, values: Vector) -> float | dict[str, float]:
     """Write values of all axes (n,) for a key of the servos.
 
     Returns:
-        a mapping without the axes that have no motor in the robot's file. If all axes have one, it is one number if all
-        values are equal, otherwise a mapping by axis.
+        a mapping by axis, without the axes that have no motor in the robot's file. If all axes have a motor and all
+        values are equal, it is one number instead.
     """
     if not robot.passive.any():
         return _number_or_mapping(robot, values)
@@ -717,7 +720,7 @@ def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, f
     """Write the targets of axes (n,) without those of followers, which the couplings move, and of passive axes.
 
     Returns:
-        a mapping by axis. If no axis is left out and all values are equal, it is one number.
+        a mapping by axis. If no axis is left out and all values are equal, it is one number instead.
     """
     left_out = {*robot.followers, *robot.passive_axes}
     if not left_out:

@@ -68,6 +68,7 @@ def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
 
     Raises:
         InvalidParameter: the station lists the input of an external force, but no robot has a tool.
+        Unsuitable: a robot has a command bus, and an input that the bus does not transmit.
     """
     config = ports.config
     robots = ports.plant.robots
@@ -131,7 +132,7 @@ def _add_external_input(
     name = f"{robot.prefix}{external}"
     tool = robot.tools[robot.tcp]
     block = add_external_force(builder, ports.plant.plant_block, tool, name=name, turns=is_torque)
-    # A block that passes the value on: a port of the station's input can be read as an output, too.
+    # Drake's inputs cannot be read: the block that passes the value on has an output, which is recorded below.
     entry = builder.AddNamedSystem(f"{name}.input", PassThrough(3))
     builder.Connect(entry.get_output_port(), block.get_command_input_port())
     ports.inputs[name] = entry.get_input_port()
@@ -204,7 +205,7 @@ def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
     """
     for robot in plant.robots.values():
         steps = largest_explicit_steps(config, robot)
-        # The axis that needs the shortest steps decides.
+        # A time step that suits the axis with the shortest one suits all axes.
         worst = int(np.argmin(steps))
         step = config.engine.time_step
         # An explicit damper is unstable if kd h / M exceeds 2, see `_STABLE`; servos in actuators are implicit.
@@ -235,7 +236,8 @@ def axis_signal(robot: StationRobot, columns: str, output: str, role: Role) -> S
         role: meaning of the values; ``effort`` for torques and forces.
 
     Returns:
-        the names and SI units of the columns that the output has in results.
+        the description: names and SI units of the columns that the output has in results, its role and its full
+        name.
     """
     units = []  # SI units of the values, one for each axis
     for unit in robot.model.units:
@@ -317,7 +319,7 @@ def _add_signals(
     for name in (*_DERIVATIVES, "feedforward"):
         if name in names:
             optional[name] = ports.add_input(builder, robot, name)
-    # Last, since the bus delays all commands together, and what is behind it is what the servos see.
+    # Last: the bus delays all commands together, and the servos read the ports behind it.
     if servo.bus is not None:
         reference, optional = _add_bus(builder, ports, robot, servo.bus, reference, optional)
     return ServoSignals(reference, state, **optional)
@@ -356,7 +358,8 @@ def _add_bus(
         )
         remedy = message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=not_brought)
         raise Unsuitable("servo.bus", problem, remedy)
-    # The resolution of a motor's encoder counts, unless the bus has its own; 0 means no rounding.
+    # Commands are rounded to the resolution of the bus or, if it has none, to that of each motor's encoder. 0 means no
+    # rounding.
     own_steps = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
     steps = np.array(own_steps)
     if bus.resolution_deg is not None:
@@ -411,7 +414,7 @@ def _with_feedforward(
         damping = robot.gains.damping
         if damping.any() and servo_of(name).feedforward == "inverse_dynamics":
             # The plant has the falling torque line of a motor as a damper of the joint. It is not a load, so the
-            # torque that the inverse dynamics adds for it is subtracted: tau = ... - d v.
+            # torque d v_r that the inverse dynamics adds for it, at the desired velocity v_r, is subtracted.
             assert own.reference_velocity is not None
             matrix = -np.diag(damping)
             name_of_part = f"{robot.prefix}motors.feedforward"
@@ -488,6 +491,12 @@ def _add_servo_blocks(
     With some engines, the actuators limit the torques themselves. The blocks then give commands without limits, and
     another block computes the torques that the actuators apply.
 
+    Args:
+        builder: builder of the diagram.
+        ports: ports of the station.
+        robot: the robot.
+        signals: desired motion, state of the axes and feedforward that the servos read.
+
     Returns:
         the applied torques, size n [N·m or N].
     """
@@ -534,7 +543,8 @@ def _add_servo_blocks(
             saturated=not in_actuators,
         )
         draw_servos(ports, robot, per_joint=per_joint)
-    # From torques of the axes to torques of the actuators; passive axes have none.
+    # Maps the torques of the n axes to those of the robot's actuators, shape (actuators, n). A passive axis has no
+    # actuator.
     matrix = robot.axis_map.actuation_matrix(plant, robot.instance, robot.gains.passive)
     driven = command  # torques with which the actuators drive
     if robot.gains.damping.any():

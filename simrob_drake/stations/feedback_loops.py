@@ -126,7 +126,7 @@ def loops_on(known: KnownLoops, settings: Settings) -> list[str]:
 
 
 def _sensors_of(section: Any, content: dict[str, Any]) -> Settings:
-    """Find the sensors that a loop reads, and the sensors that these sensors read.
+    """Find the sensors that a loop reads directly, and the sensors that these sensors read.
 
     Args:
         section: section of the loop.

@@ -103,7 +103,7 @@ def with_absolute_paths(
         border: limit of the files that the station may name, or None for no limit.
 
     Raises:
-        InvalidConfig: a path is beyond the border.
+        InvalidConfig: a path is beyond the border, or begins with ``package://`` and its package is not found.
     """
     # A copy, as the paths are replaced in place below; the caller keeps its content.
     result: dict[str, Any] = deepcopy(dict(content))

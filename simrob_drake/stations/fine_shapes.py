@@ -218,6 +218,8 @@ class FineShapes:
     ) -> list[PosedShape] | None:
         """Cut a shape into convex parts, given in the frame of its body.
 
+        If the shape is the convex hull of the visible meshes of its body, these meshes are cut.
+
         Returns None if the shape is not a mesh, if the file of the mesh cannot be read, or if the
         mesh is convex and is not the hull of concave visible meshes.
         """

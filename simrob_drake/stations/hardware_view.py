@@ -179,7 +179,9 @@ def _export_robot(
     def export(name: str, rows: Vector, source: OutputPort) -> None:
         """Export the product of a matrix and a port of the station as an output of this name."""
         port = add_matrix_gain(builder, f"hardware.{name}", rows, source)
-        if port is source:  # a port of the station may be exported under several names
+        # An identity matrix adds no block. A PassThrough then gives the output a port of its own: one port of the
+        # station, such as the torque, may serve two outputs.
+        if port is source:
             block = builder.AddNamedSystem(f"hardware.{name}", PassThrough(source.size()))
             builder.Connect(source, block.get_input_port())
             port = block.get_output_port()
@@ -209,13 +211,14 @@ def _export_robot(
     builder.ExportInput(position.get_input_port(), f"{robot.name}.position")
     builder.ExportInput(torque.get_input_port(), f"{robot.name}.torque")
     reference = position.get_output_port()
-    # The transposed selection puts values of the arm into a vector of all axes, with 0 for fingers.
+    # The matrix from the inputs to the reference of all n axes. Its columns for the arm are the transposed selection,
+    # which puts a value for each axis of the arm in its place, and 0 for fingers.
     spread = arm_rows.T
     if gripper is not None:
         opening = builder.AddNamedSystem(f"hardware.{gripper}.position", PassThrough(1))
         builder.ExportInput(opening.get_input_port(), f"{gripper}.position")
         both = np.ones((1, len(fingers)))  # a row that adds the values of both fingers
-        # Each finger moves by half of the opening.
+        # A last column for the opening: each finger moves by half of it.
         spread = np.hstack([spread, finger_rows.T @ both.T / _FINGERS])
         reference = add_multiplexer(
             builder, f"hardware.{robot.name}.reference", reference, opening.get_output_port()

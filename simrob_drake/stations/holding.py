@@ -44,7 +44,7 @@ def holding_findings(
 
     Returns:
         a finding for each axis, then findings about the tool and the payload as far as there is something to report. If
-        the links have no inertia, there is only a note that nothing was predicted.
+        links have no inertia and no posture needs a torque, there is only a note that nothing was predicted.
     """
     config = ports.config
     # Torques change slowly along a reference, and each posture takes a solution of the dynamics.
@@ -143,6 +143,10 @@ def _axis_finding(
         axis: index of the axis.
         torques: torques that hold the axis at postures along the reference, shape (m,) [N·m or N].
         sag: position error at rest at the end of the reference [rad or m], or None if it was not predicted.
+
+    Returns:
+        a warning if the axis does not hold, sags by more than the verdict allows, or gets too warm. Otherwise that it
+        is in order. In a kinematic station, which has no servos, a note unless the limit is exceeded.
     """
     subject = message(
         "stations.torque_of", "torque of {prefix}{axis}", prefix=robot.prefix, axis=robot.axes[axis]

@@ -36,8 +36,10 @@ def import_findings(
             section or of the import is named.
 
     Returns:
-        a warning for each mimic joint that the solver does not hold; for an imported robot also a warning for each loss
-        of mechanics (losses with the same words share one), and a note that sums up the import.
+        a warning for each mimic joint that the solver does not hold. For an imported robot also one warning about lost
+        joint friction, a warning for each other loss of mechanics (losses with the same words share one), and a note
+        about estimated inertias, each if there is any; and a note that sums up the import, if the station itself
+        imports the robot.
     """
     findings = []
     for follower, leader in unheld_mimics(config, robot.name, robot.model):
@@ -80,7 +82,7 @@ def import_findings(
 
 
 def _loss_text(group: WordGroup) -> str:
-    """Describe losses with the same text: the first element with the text, then the other elements."""
+    """Describe losses with the same text: the first element with the text, then the names of the other elements."""
     first, *others = group.places
     # A loss of the whole robot names no element.
     text = compound("{first}: {text}", first=first, text=group.text) if first else group.text
@@ -108,10 +110,11 @@ def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
 
 
 def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
-    """Select the losses of an import that the station does not compensate, but for friction of its axes.
+    """Select the losses of an import that become findings of their own.
 
-    Mimic joints were reported as lost by older imports; stations now couple such an axis to its leader. Whether the
-    solver holds the coupling is judged elsewhere.
+    Friction of an axis is left out: `_friction_finding` reports it. Mimic joints of axes are left out, too. Older
+    imports reported them as lost, but stations now couple such an axis to its leader; `_unheld_mimic_finding` reports
+    those that the solver does not hold.
 
     Args:
         robot: the imported robot.
@@ -123,7 +126,6 @@ def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     for loss in lost:
         axis = _axis_of_joint(robot, loss.element)
         if axis is not None:
-            # Friction is reported by `_friction_finding`, with the setting that brings it back.
             if _FRICTION.match(loss.text):
                 continue
             if loss.text.startswith("mimics ") and axis in robot.model.followers:

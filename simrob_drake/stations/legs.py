@@ -117,10 +117,11 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     """Find the groups of chains that may be the legs of a robot. The robot is moved.
 
     The chains of a group have equally many axes, and are equal in at least one of their two lengths, see
-    :func:`chain_lengths`. A group may be legs if it reaches about as low as the lowest group. The reach is measured at
-    home and stretched out. Only if no group reaches below the root there (legs that are level, or folded up), random
-    postures are tried as well. If none of them does, and the end of a chain is the lowest part of the robot, the root's
-    frame is under the feet. Then the lowest hip takes its place.
+    :func:`chain_lengths`. A group may be legs if it reaches about as low as the lowest group. The reach below the root
+    is measured at home and with all axes at zero. If no group reaches below the root there (legs that are level, or
+    folded up), it is measured in random postures as well. If no group reaches below the root in these either, and the
+    end of a chain is the lowest body of the robot, the root's frame is under the feet. The reach is then measured below
+    the lowest hip, in the first two postures.
 
     Returns:
         the groups, the lowest first; empty if no two chains belong to one group.
@@ -138,8 +139,8 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
     for postures, level in trials:
         heights = [_lowest_height(clearance, robot, group, postures) - level for group in groups]
         lowest_first = np.argsort(heights, kind="stable")
-        # Heights below the root, or the hip, are negative: a low group has less than a fraction of the lowest height.
-        # If the lowest height is positive, no group fulfils this.
+        # Heights below the root, or the hip, are negative. A group is low if its height is below _LOWEST times that of
+        # the lowest group, which is then negative, too: if all heights are positive, no group is low.
         low = [groups[index] for index in lowest_first if heights[index] < _LOWEST * min(heights)]
         if low:
             return low
@@ -149,7 +150,10 @@ def legs_of(clearance: Clearance, robot: StationRobot) -> list[list[Leg]]:
 def _stands_on_ends(
     clearance: Clearance, robot: StationRobot, groups: Sequence[Sequence[Leg]]
 ) -> bool:
-    """Whether the lowest part of a robot is an end of these chains, with all axes at zero: not on a base or wheels."""
+    """Whether the lowest body of a robot, with all axes at zero, is the end of one of these chains.
+
+    Otherwise the robot rests on another body, such as its base. The robot is moved.
+    """
     put_upright(clearance, robot, straight(robot))
     heights = clearance.lowest(robot)
     lowest = min(heights, key=lambda name: heights[name], default="")
@@ -314,8 +318,8 @@ def _find_sole(
     edge_products = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas = np.linalg.norm(edge_products, axis=1) / 2
 
-    # The hull's facets are triangles. A side consists of all facets with about the normal of one facet: row i has
-    # the side of facet i.
+    # The hull's facets are triangles. A side consists of all facets with about the normal of one facet: row i of this
+    # matrix (facets, facets) has True for the facets of the side of facet i.
     sides = normals @ normals.T > _SAME_PLANE
     side_areas = sides @ areas
     nearest_distances = []

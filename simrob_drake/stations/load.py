@@ -674,6 +674,7 @@ def _override(
 
     Raises:
         InvalidConfig: the key or the value is invalid.
+        InvalidParameter: a mapping has a key that is no text.
     """
     if path == ["program"]:
         content["program"] = _program_content(value, Path.cwd())
@@ -710,9 +711,12 @@ def _override(
 def _changes_keys_only(value: Any, old: Any, path: list[str]) -> bool:
     """Whether a new value changes some keys of a section, instead of replacing the section.
 
+    It does if it is a mapping that is not empty, the present value is a section, and this section has no kind, or the
+    kind that the new value has. A new value without a kind has that of the section.
+
     Args:
-        value: the new value. It must be a mapping, and not an empty one, which replaces the section.
-        old: the present value. It must be a section without a kind, or of the kind that the new value has.
+        value: the new value.
+        old: the present value, or None if there is none.
         path: path of keys to the value.
     """
     if not isinstance(value, Mapping) or not value or not isinstance(old, dict):

@@ -101,7 +101,7 @@ def _open_inputs_within(
 def _open_inputs_of(diagram: Diagram, context: Context, name_of: _Names) -> Iterator[str]:
     """Yield the names of open inputs of the root diagram: nothing outside of it can feed them.
 
-    An input that feeds an input of the station has the name of the latter.
+    If an input of the diagram feeds an input of the station, the name of the station's input is yielded.
 
     Args:
         diagram: the root diagram.

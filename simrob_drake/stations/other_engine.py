@@ -45,8 +45,8 @@ class OtherEngine(SolverSection):
     def engine(self) -> Engine:
         """Properties of the engine, with the name and the step length of this section.
 
-        They are `answers` (what the engine can do, see `Engine`) but for its steps, which are fixed, and for Drake's
-        plant, which is not stepped.
+        All other properties are those of `answers`, except that the steps are fixed and that Drake's plant is not
+        stepped.
         """
         return replace(
             self.answers,
@@ -79,7 +79,9 @@ def add_plant_block(
     station: ResolvedStation,
     plant: StationPlant,
 ) -> PlantBlock:
-    """Add the block of another engine to a diagram, in place of Drake's plant, and pose the plant's shapes by it.
+    """Add the block of another engine to a diagram, in place of Drake's plant.
+
+    The poses of the plant's shapes in the scene graph then follow from the states of the engine.
 
     Args:
         builder: builder of the diagram.

@@ -131,7 +131,7 @@ class Scatter(Strict):
         random: np.random.Generator,
         others: list[Vector],
     ) -> Vector | None:
-        """Draw a position (3,) [m] that keeps the smallest distance from others, or None if none of many does."""
+        """Draw a position (3,) [m] that keeps the smallest distance from others. Returns None if _DRAWS draws fail."""
         # Rejection sampling: positions stay uniformly distributed over the free room.
         for _ in range(_DRAWS):
             position = random.uniform(*self.within)

@@ -312,6 +312,9 @@ def complete_plant(models: StationModels) -> StationPlant:
     Args:
         models: the station's robots and pieces.
 
+    Returns:
+        the station's plant, the one in ``models``.
+
     Raises:
         SimrobError: a coupling does not hold at the start, or the solver cannot hold a contact.
     """
@@ -325,6 +328,7 @@ def complete_plant(models: StationModels) -> StationPlant:
         ):
             # The default positions are those of every context that is created from now on.
             joint.set_default_positions(np.array([sign * angle]))
+    # After the positions of all robots: the inertias of the rotors follow from the mass matrix at the start.
     for robot in station.robots.values():
         set_rotors(plant, robot.joints, robot)
     if config.couplings:
@@ -432,7 +436,7 @@ def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityPro
     if config.contact is not None and config.contact.model != "point":
         # 1.0 is the length of edges into which round shapes are divided [m], which has no effect on planes and boxes.
         if modulus is None:
-            # A compliant box on a compliant one would fall back to points.
+            # The floor is rigid: a compliant box on a compliant floor would fall back to points.
             AddRigidHydroelasticProperties(1.0, surface)
         else:
             AddCompliantHydroelasticProperties(1.0, modulus, surface)
@@ -532,17 +536,20 @@ def add_robot(
         tcp = TCP
     joints = [plant.GetJointByName(axis.joint, instance) for axis in model.axes.values()]
     if station.engine.moves_by_forces:
-        motors = [
+        # All actuators that the plant has so far, also those of other robots.
+        actuators = [
             plant.get_joint_actuator(JointActuatorIndex(index))
             for index in range(plant.num_actuators())
         ]
         # Joints whose motor has a rotor with inertia. Within the play the motor turns its rotor alone: without inertia
         # its acceleration would be infinite.
-        turning = {
-            motor.joint().index() for motor in motors if motor.default_reflected_inertia() > 0
+        with_rotor = {
+            actuator.joint().index()
+            for actuator in actuators
+            if actuator.default_reflected_inertia() > 0
         }
         for axis, joint, play in zip(robot.axes, joints, robot.model.play, strict=True):
-            if play > 0 and joint.index() not in turning:
+            if play > 0 and joint.index() not in with_rotor:
                 expected = message(
                     "stations.zero_or_rotor_inertia",
                     "0, or {axis} must have a rotor_inertia, since its motor moves only its rotor within the backlash",

@@ -124,7 +124,10 @@ def _urdf_doubts(path: Path, state: FileState | None) -> tuple[Doubt, ...]:
 
 
 def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
-    """Yield a doubt for each shape of a piece that is implausibly large or small."""
+    """Yield a doubt for each shape of a piece that is implausibly large or small.
+
+    A plate, which is at most _PLATE thick, may be of any length: it may serve as ground.
+    """
     key = f"pieces.{piece.name}"
     for shape in piece.model.shapes:
         sides = _sides(shape, piece.model.folder)

@@ -69,7 +69,7 @@ class StationPorts(Site):
             robot: the robot.
             name: name of the input without the prefix of the robot.
         """
-        # The source exists already, so that the blocks can read it directly.
+        # An input whose source exists already needs no block: the station reads the source.
         if f"{robot.prefix}{name}" in self.sources:
             return self.sources[f"{robot.prefix}{name}"]
         # Drake's inputs cannot be read: the output of a block that passes values on can.
@@ -120,7 +120,7 @@ def draw_plant(ports: StationPorts) -> None:
             pieces.append(wrap_label(translate(names)))
         title = message("stations.block_plant", "Plant")
         ports.picture.draw("plant", "robot", join_texts([title, *robot_texts, *pieces], "\n"))
-        # Otherwise the stops are a part of the solver, and no block.
+        # A solver that holds joint limits by itself needs no block for the stops.
         if robots and not config.engine.holds_joint_limits:
             # Stiffnesses of all robots, then their dampings; each is shown as one text.
             stops = zip(*(robot.stops for robot in robots), strict=True)
@@ -153,7 +153,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
     """
     axes = robot.axes
     prefix = robot.prefix
-    # Then the actuators limit the torques, and one block of the diagram computes the limited torques of all joints.
+    # With some engines the actuators limit the torques. One block then computes the limited torques of all joints.
     if ports.config.engine.limits_torques_in_actuators:
         _draw_saturation(ports, f"{prefix}torque", list(range(len(axes))), robot)
         _draw_motors(ports, f"{prefix}motors", list(range(len(axes))), robot)
@@ -182,7 +182,7 @@ def draw_servos(ports: StationPorts, robot: StationRobot, *, per_joint: bool) ->
 
 
 def draw_actuator_servos(ports: StationPorts, robot: StationRobot) -> None:
-    """Draw the servos in the plant's actuators as a separate block next to the plant."""
+    """Draw the servos that the plant computes in its actuators, as a block of their own next to the plant."""
     driven = _axes_with_motor(robot, list(range(len(robot.axes))))  # indices
     label = compound(
         "{joints}{passive}",

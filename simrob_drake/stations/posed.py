@@ -161,7 +161,8 @@ def posture_range(robot: StationRobot) -> tuple[Vector, Vector]:
 def random_posture(robot: StationRobot, random: np.random.Generator) -> Vector:
     """Draw a random posture (n,) [rad or m], each axis uniformly between the bounds of :func:`posture_range`.
 
-    The fingers of a gripper do not move independently: all are open by the same random fraction of their stroke.
+    The fingers of a gripper do not move independently: all are open by the same random fraction of their stroke. Other
+    couplings between axes are not considered.
     """
     lower, upper = posture_range(robot)
     posture = random.uniform(lower, upper)

@@ -122,11 +122,11 @@ def prescribed_axes(config: StationConfig, robot: str, model: RobotModel) -> dic
 
 
 def _check_servo(servo: ServoConfig) -> None:
-    """Check that the servos of a robot with prescribed joints are separate for each joint.
+    """Check that the servos of a robot can leave out its prescribed joints.
 
     Raises:
-        InvalidParameter: the servos are inside of Drake's actuators, or compute torques from the robot's model. Neither
-            can leave out the prescribed joints.
+        InvalidParameter: they cannot, since they are inside of Drake's actuators, or compute torques from the model of
+            the whole robot.
     """
     if servo.realization == "implicit":
         raise InvalidParameter(

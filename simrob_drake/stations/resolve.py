@@ -153,7 +153,8 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
         ground=ground,
         robots=robots,
         pieces=pieces,
-        # By the count of sensors that each one reads: those that read others come after them, and are not read.
+        # Sorted by how many sensors each one reads, so that a sensor comes after those that it reads: sensors that read
+        # others are not read themselves.
         sensors=dict(sorted(sensors.items(), key=lambda entry: len(entry[1].read(sensors)))),
         config=config,
         unheld_gears=unheld_gears,
@@ -244,6 +245,10 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     If a value of the drives is given several times, that of the station counts, otherwise that of the robot's own file,
     otherwise that of the motor.
 
+    Args:
+        entry: the robot's section in the station.
+        servo: the section of its servos, which may name passive axes and motors.
+
     Raises:
         SimrobError: the files have a defect, or a value does not fit the robot.
     """
@@ -256,8 +261,8 @@ def _robot_model(entry: RobotConfig, servo: ServoConfig) -> RobotModel:
     motors = station_motors(robot, servo)
     if not any(motors):
         return robot
-    # Drives that are applied later replace earlier ones, so those of the motors come first. `robot.drives` has those of
-    # the robot's file with those of the station in their place.
+    # Drives that are applied later replace earlier ones, so those of the motors come first. `robot.drives` has the
+    # values of the robot's file, or of the station where it gives a value.
     without_drives = robot.model_copy(update={"drives": Drives()})
     return without_drives.with_drives(drives_of(motors, robot)).with_drives(robot.drives)
 
@@ -340,7 +345,7 @@ def _ground(
 
 
 def _fixed_boxes(pieces: Mapping[str, ResolvedPiece]) -> Iterator[tuple[RigidTransform, Vector]]:
-    """Yield the boxes of all pieces that are fixed to the world, directly or through other pieces.
+    """Yield the boxes that others can touch, of all pieces that are fixed to the world, directly or through others.
 
     Args:
         pieces: the station's pieces, each after its parent.
@@ -414,16 +419,17 @@ def _robot(
         stops.stiffness, "joint_stops.stiffness", usual_stops["stiffness"]
     )
     damping = model.axis_vector(stops.damping, "joint_stops.damping", usual_stops["damping"])
-    # In a kinematic station the base of such a robot is held at its pose, too.
-    floats = model.base == "floating"
+    has_free_base = model.base == "floating"
     # A robot with a free base stands on the floor, which may be inclined: its base is relative to the floor.
-    base = (ground.floor_pose if floats else RigidTransform()) @ transform_from_pose(entry.base)
+    origin = ground.floor_pose if has_free_base else RigidTransform()
+    base = origin @ transform_from_pose(entry.base)
     robot = ResolvedRobot(
         name=name,
         prefix=config.prefix(name),
         model=model,
         base=base,
-        floats=config.engine.moves_by_forces and floats,
+        # A kinematic station holds a free base at its pose, too.
+        floats=config.engine.moves_by_forces and has_free_base,
         gains=servo_gains(model, servo, dampers=config.motors_are_dampers(name)),
         motors=tuple(station_motors(model, servo)),
         stops=(stiffness, damping),
@@ -447,7 +453,7 @@ def _check_axis_values(
     servo: ServoConfig,
     reference: ReferenceConfig,
 ) -> None:
-    """Check that the values by axis in the servo and the reference of a robot name axes of the robot.
+    """Check that mappings and lists of values by axis in the servo and the reference of a robot fit its axes.
 
     Raises:
         SimrobError: an axis is unknown, or there are too few or too many values.

@@ -91,8 +91,8 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
         UnknownName: there is no such piece.
         InvalidConfig: a value is not possible.
         InvalidModel: a mesh cannot be read, or has no volume although a density is given.
-        InvalidParameter: a mesh is far too large or small, for instance in millimetres; or a piece of the station's
-            own shapes that is free or carried has no mass.
+        InvalidParameter: a mesh is far too large or small, for instance in millimetres; or neither mass nor density is
+            given for a piece of the station's own shapes that is free, or mounted on a robot or another piece.
         OutputError: the cache of converted meshes cannot be written.
     """
     # Values of the section that replace those of the piece's own file.
@@ -114,7 +114,8 @@ def piece_of(entry: PieceConfig, name: str) -> PieceModel:
         piece = piece_of_file(model)
     has_own_shapes = entry.mesh is not None or bool(shapes)
     has_mass = entry.mass is not None or entry.density is not None
-    # A piece that is fixed to the world does not move, so its mass has no effect.
+    # A piece that is mounted on the world itself does not move, so its mass has no effect. A piece on another one may
+    # move with a robot.
     needs_mass = entry.free or entry.parent != WORLD
     if has_own_shapes and needs_mass and not has_mass:
         seen = (

@@ -85,6 +85,7 @@ def check_drives(robot: RobotModel, drives: Drives) -> None:
     Raises:
         Unsuitable: a mapping gives a rotor, a gear or backlash to a passive axis.
     """
+    # The other keys, damping and friction, are allowed: they belong to the joint, which a passive axis has as well.
     for key in ("rotor_inertia", "gear_ratio", "backlash_deg"):
         values = getattr(drives, key)
         if not isinstance(values, dict):
@@ -97,8 +98,8 @@ def check_drives(robot: RobotModel, drives: Drives) -> None:
 def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     """Copy a robot with the passive axes that the station names; the same robot if the station names none.
 
-    Axes that get a motor by this have the largest torque that the station's key ``torque_limit``, the robot's own or
-    the motor of the axis gives.
+    The largest torque of an axis that gets a motor by this is that of the station's key ``torque_limit``, else that of
+    the same key in the robot's own file, else that of the motor of the axis.
 
     Raises:
         UnknownName: there is no axis of such a name.
@@ -259,9 +260,11 @@ def servo_gains(
 ) -> ServoGains:
     """Collect the gains and limits of a robot's servos.
 
-    A value of the station comes before the robot's own, and this before those of its motors and of the URDF.
+    A gain is that of the station, else that of the robot's own file, else 0. A torque limit is that of the station,
+    else the largest torque of the axis' motor, else the effort of the URDF. The limit of an integral part is that of
+    the station, else the torque limit. The speed limit of a cascade is that of the station, else that of the URDF.
 
-    Passive axes have neither gains nor a torque limit: all their values are 0.
+    Passive axes have neither gains nor a torque limit: these values are 0.
 
     Args:
         robot: the robot, with the passive axes of the station.
@@ -386,7 +389,7 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
     pass.
 
     Raises:
-        Unsuitable: the law of the servos cannot be combined with motors.
+        Unsuitable: the law of the servos is ``computed_torque``, and actuators realize the motors.
         InvalidParameter: a torque limit or a gain does not fit the motor in an actuator; the message names the key and
             its bound.
     """

@@ -42,7 +42,7 @@ class SharedPlant:
 
     Attributes:
         stations: the stations by their names in the plant; the name may be empty.
-        points: contact points of each station with any.
+        points: contact points of each station, which may be empty.
         floor: station whose floor is the floor of all; None if there is no floor yet.
         replaced_pairs: pairs of shapes whose contact points touch in their place; None until the plant is finalized
             and collision filters are set.
@@ -58,7 +58,7 @@ class SharedPlant:
         return station.config.floor is not None and self.floor is None
 
     def add(self, name: str, station: ResolvedStation, points: ContactPoints) -> None:
-        """Record a station that has been added to the plant."""
+        """Record a station that has been added to the plant under a name, with its contact points."""
         self.stations[name] = station
         self.points.append(points)
         # The floor stays that of the first station with one; `_check_floor` compares the others.
@@ -323,7 +323,7 @@ def _check_floor(
         scene_graph: the scene graph of the plant.
 
     Raises:
-        SimrobError: another station has another floor, or the user has added a shape of this name.
+        SimrobError: another station has another floor, or the user has added a shape that is named ``floor``.
     """
     config = station.config
     if config.floor is None:

@@ -154,7 +154,10 @@ class Stances:
             yield from self.bent_stances(legs)
 
     def as_it_is(self) -> Stance | None:
-        """Compute the stance at home, whatever touches the ground there. Returns None if the robot has no shapes."""
+        """Compute the stance at home, whatever touches the ground there.
+
+        Returns None if the robot has neither feet nor collision shapes.
+        """
         return self._stance(self._home, message("stations.stands_at_home", "in the home posture"))
 
     def bent_stances(
@@ -213,9 +216,10 @@ class Stances:
         return np.array([foot_place(self._clearance, leg) for leg in legs])
 
     def _stance(self, posture: Vector, how: str) -> Stance | None:
-        """Compute the stance of the robot in a posture (n,), with its lowest point on the floor.
+        """Compute the stance of the robot in a posture (n,) [rad or m], with its lowest point on the floor.
 
-        The posed station is left in this stance. Returns None if the robot has neither feet nor collision shapes.
+        The words `how` describe the posture. The posed station is left in this stance. Returns None if the robot has
+        neither feet nor collision shapes.
         """
         self._place(posture)
         # The root is lifted by as much as the lowest point was below it.
@@ -233,9 +237,10 @@ class Stances:
         feet: set[str],
         length: float,
     ) -> Iterator[Stance]:
-        """Yield the stance if nothing prevents the robot from standing in it, and record the reasons otherwise.
+        """Examine a stance: record its margin and the reasons against it, and yield it if there are no such reasons.
 
-        Links that overlap are turned apart first; the axes of the legs stay as they are.
+        Links that overlap are turned apart first, by axes that do not belong to the legs. The stance after that is
+        examined and yielded.
 
         Args:
             stance: the stance to be examined.
@@ -244,7 +249,7 @@ class Stances:
             length: full length of the legs [m]; 0 if the other links need no distance from the ground.
 
         Yields:
-            the stance, once or not at all.
+            the stance once, or nothing.
         """
         leg_axes = {axis for leg in legs for axis in leg.axes}
         # The legs have been balanced already, so that their axes stay.
@@ -342,7 +347,8 @@ class Stances:
     ) -> Iterator[Stance]:
         """Yield the good stances with the feet about at given points, moved under the centre of mass.
 
-        The first leg is bent in several ways. Each other leg is bent in the way that looks most like the first leg.
+        The first leg is bent in several ways. Each other leg is bent in the way that looks most like the first leg,
+        with a small preference for angles near home.
 
         Args:
             legs: k legs.

@@ -353,7 +353,8 @@ def _add_named(
     # The builder may have other stations and blocks of the user, which keep their names.
     known = list(builder.GetSystems())
     names = [system.get_name() for system in known]
-    # While the station is composed, blocks are found by their names without the prefix: nothing else has these then.
+    # While the station is composed, its blocks are looked up by their names without the prefix. Temporary names of all
+    # other systems make sure that no other system is found.
     for index, system in enumerate(known):
         system.set_name(f"{_HIDDEN}{index}")
     try:
@@ -521,7 +522,8 @@ def compose(
         # Loaded only if there is a flow, as the module is large.
         from simrob_drake.parts.controllers.signal_flow import add_flows
 
-        # Drake integrates a diagram with continuous states, and then asks the blocks of flows for derivatives, too.
+        # Drake integrates a diagram with continuous states, and then asks the blocks of flows for derivatives, too. If
+        # the diagram is not closed, the user may still add such a system.
         systems = [*builder.GetSystems(), *own.values()]
         integrated = any(system.num_continuous_states() for system in systems)
         add_flows(builder, ports, flows, monitors=monitors, integrated=integrated or not closed)
@@ -541,7 +543,7 @@ def compose(
 def _sort_by_robot(ports: StationPorts) -> None:
     """Sort the signals of a station's results by robots, in place; those of one robot keep their order.
 
-    All signals must be those of robots so far.
+    Call it before signals of pieces and sensors are added: their names do not begin with a robot's prefix.
     """
     # Outputs are declared part by part, so that the columns of several robots alternate.
     robots = list(ports.plant.robots.values())

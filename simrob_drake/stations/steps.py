@@ -85,12 +85,12 @@ def step_findings(
 def _damping_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
     """Compare the damping of a robot's servos, which are evaluated explicitly, with the steps of the solver.
 
-    Only the axis that needs the shortest steps is reported, in one finding. The list is empty for continuous solvers
-    with an implicit scheme.
+    Only the axis that needs the shortest steps is reported, in one finding. The list is empty for a continuous scheme
+    that is not explicit, such as ``radau3`` and ``cenic``.
     """
     solver = config.solver
     steps = largest_explicit_steps(config, robot)  # for each axis [s]
-    # The axis with the least inertia for its damping decides over the steps of all.
+    # A step that suits the axis with the shortest one suits all axes.
     worst = int(np.argmin(steps))
     largest = steps[worst]
     unit = robot.model.units[worst]
@@ -347,7 +347,8 @@ def _creeping_findings(
 ) -> list[Finding]:
     """Warn of stops and servos that are so stiff that a scheme with variable steps may creep.
 
-    The list is empty for other solvers, and for a scheme that holds joint limits by itself.
+    Stops are examined along the references, which are given by the name of the robot; for a robot without a reference
+    in the initial posture. The list is empty for other solvers, and for a scheme that holds joint limits by itself.
     """
     engine = config.engine
     # Only error control can make steps tiny, and an engine that holds joint limits needs no stiff stops.
@@ -418,7 +419,8 @@ def apply_solver(
         overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
     Raises:
-        UnsupportedSolver: the scheme ``cenic`` with a station that is not a direct part of the root diagram.
+        UnsupportedSolver: the scheme ``cenic`` with a station whose plant is not a direct part of the root diagram, or
+            not the only plant in it.
         SimrobError: there is no such station, or an input in the diagram is neither connected nor exported.
     """
     config = config_of(station, overrides)
@@ -430,12 +432,13 @@ def apply_solver(
 
 
 def set_solver(simulator: Simulator, config: StationConfig) -> None:
-    """Set the solver of a simulator, whose diagram has no open inputs, see :func:`apply_solver`.
+    """Set the solver of a simulator as a station's file demands. Open inputs of its diagram are not looked for.
 
     Nothing is changed for a kinematic station, or if the section ``solver`` is no continuous solver.
 
     Raises:
-        UnsupportedSolver: the scheme ``cenic`` with a plant that is not a direct part of the root diagram.
+        UnsupportedSolver: the scheme ``cenic`` with a plant that is not a direct part of the root diagram, or not the
+            only plant in it.
     """
     if not config.engine.moves_by_forces or not isinstance(config.solver, ContinuousSolver):
         return
@@ -447,6 +450,7 @@ def set_solver(simulator: Simulator, config: StationConfig) -> None:
         integration_scheme=solver.scheme,
         max_step_size=solver.max_step,
         accuracy=solver.accuracy,
+        # Off for the key `error_control: false`, and for schemes without an estimate of the error.
         use_error_control=not solver.engine.has_fixed_steps,
     )
     ApplySimulatorConfig(settings, simulator)
@@ -514,7 +518,7 @@ def bound_steps(
     step = min(longest, solver.max_step)
     integrator.set_maximum_step_size(step)
     if integrator.get_initial_step_size_target() > step:
-        # Drake would refuse to continue if the diagram changes.
+        # Drake refuses a first step above the longest one when it initializes the simulator for the run's next diagram.
         integrator.request_initial_step_size_target(step)
     step_accuracy = min(accuracy, solver.accuracy)
     integrator.set_target_accuracy(step_accuracy)

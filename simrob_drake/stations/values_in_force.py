@@ -74,6 +74,8 @@ def _robot_values(
 ) -> Iterator[tuple[str, ValueInForce]]:
     """Yield dotted keys and values of a robot that the station leaves out: its tool, its feet, its servos and motors.
 
+    A kinematic station has no servos: there only the tool and the feet are yielded.
+
     Args:
         config: configuration of the station.
         name: name of the robot.
@@ -82,14 +84,13 @@ def _robot_values(
     section = config.robots[name]
     top = config.robot_key(name)
     if section.tcp is None and robot.tcp:
-        # A piece that the robot carries is its tool, too.
+        # The tool in use is one of the robot's own, or a piece of the station that the robot carries.
         yield (
             f"{top}.tcp",
             ValueInForce(robot.tcp, "robot" if robot.tcp in robot.model.tools else "station"),
         )
     if section.feet is None and robot.model.feet is not None:
         yield f"{top}.feet", ValueInForce(robot.model.feet.default, "robot")
-    # A kinematic station has no servos.
     if not config.engine.moves_by_forces:
         return
     servo = config.servo_of(name)
