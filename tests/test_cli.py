@@ -235,6 +235,18 @@ def test_an_axis_near_its_limit_or_with_a_warning_is_not_folded():
 
 
 @pytest.mark.long
+@pytest.mark.parametrize("subject", ["irb120", "robot.urdf", "program.yaml"])
+def test_check_refuses_to_show_all_axes_of_what_is_no_station(subject, tmp_path, capsys):
+    (tmp_path / "robot.urdf").write_text("<robot name='r'><link name='l'/></robot>")
+    (tmp_path / "program.yaml").write_text("station: irb120_dynamic\nmoves: [{wait: 1}]\n")
+    file = tmp_path / subject
+    argument = str(file) if file.exists() else subject
+
+    assert run_command(["check", argument, "--all"]) == ExitCode.BAD_INPUT
+
+    assert capsys.readouterr().err.startswith("simrob: --all: this is a")
+
+
 def test_check_tells_what_an_arm_can_carry(capsys):
     """The Puma's elbow is the first at its limit, stretched out level: see tests/test_dynamics.py for the figures."""
     arm = Dynamics.of_robot("puma560")

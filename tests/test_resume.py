@@ -57,6 +57,17 @@ def test_a_resumed_run_equals_the_whole_one(station, overrides):
         np.testing.assert_array_equal(kept.values[1:-1], whole.values[later][:-1])
 
 
+def test_step_times_of_a_run_that_continues_another_begin_at_its_start():
+    """The steps of the earlier run, which the solver repeats, are none of its own."""
+    runner = Runner("humanoid_dynamic")
+    part = runner.run(duration=0.3137)
+
+    kept = runner.run(duration=0.1, start=part.final_state, start_time="keep")
+
+    assert kept.step_times[0] == 0.3137
+    assert (np.diff(kept.step_times) > 0).all()
+
+
 def test_the_cut_run_of_before_would_differ():
     """The end of a run shortens its last steps: the continued run does not contain them."""
     runner = Runner(load_station("humanoid_dynamic"))

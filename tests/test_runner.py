@@ -368,3 +368,17 @@ def test_repeated_steps_are_counted_over_the_whole_run_although_the_solver_start
 
     assert first_half.shortened > whole.shortened / 2
     assert whole.shortened > first_half.shortened
+
+
+def test_a_tick_at_an_edge_has_exactly_its_time():
+    """Two stops that differ by rounding only would have a step of 1e-13 s between them."""
+    edge = 0.2 + 1e-13
+
+    assert Ticks(0.1).times(0.3, [0.05, edge]) == [0.1, edge, 0.3]
+    assert Ticks(0.1).times(0.3, []) == [0.1, 0.2, 0.3]
+
+
+def test_the_end_of_a_run_at_an_edge_has_exactly_its_time():
+    edge = 0.3 - 1e-13
+
+    assert Ticks(0.1).times(0.3, [edge]) == [0.1, 0.2, edge]

@@ -74,6 +74,14 @@ def check(
     # A file of another tool, such as a Simulink model, is examined by the extension that imports it.
     importer = other_importer(station)
     if importer is not None:
+        refuse(
+            message(
+                "cli.is_file_of_other_tool",
+                "this is a file of another tool; the option belongs to stations",
+            ),
+            allow_code=allow_code,
+            all_=all_,
+        )
         request = importer_request(importer, "reading_class", importer_options, options, set_)
         examine_with(importer, Path(station), request)
         return
@@ -81,6 +89,10 @@ def check(
     importer_options.refuse_all_but([])
     # The order of the tests matters: names of stations come last, because any text may be one.
     if is_program_file(station):
+        refuse(
+            message("cli.program_has_one_row", "this is a program, whose check has one row"),
+            all_=all_,
+        )
         _check_program_file(station, set_, options, allow_code=allow_code)
     elif is_robot_file(station) or is_description_file(station):
         refuse(
@@ -88,15 +100,17 @@ def check(
                 "cli.is_file_of_robot",
                 "this is the file of a robot; the option belongs to stations",
             ),
-            set=set_,
+            set_=set_,
             allow_code=allow_code,
+            all_=all_,
         )
         _check_robot_file(station, options)
     elif station in robot_names():
         refuse(
             message("cli.is_a_robot", "this is a robot; the option belongs to stations"),
-            set=set_,
+            set_=set_,
             allow_code=allow_code,
+            all_=all_,
         )
         refuse_import(
             message(

@@ -381,11 +381,11 @@ def _sets_motion(key: str, value: object) -> bool:
     path = key.split(".")
     if isinstance(value, Mapping) and value:
         return any(_sets_motion(f"{key}.{name}", part) for name, part in value.items())
-    # Where a robot's section begins: `robot`, or `robots.<name>`.
-    sections_of_robots = {"robot": 1, "robots": 2}
-    if path[0] in sections_of_robots:
-        return path[sections_of_robots[path[0]] :][:1] == ["reference"]
-    return path[0] in ("duration", "reference")
+    # The section of a robot is `robot`, or `robots.<name>`: so many words stand in front of its own keys.
+    word_count = {"robot": 1, "robots": 2}.get(path[0])
+    if word_count is None:
+        return path[0] in ("duration", "reference")
+    return len(path) > word_count and path[word_count] == "reference"
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {"walk": walk, "act": act}

@@ -321,8 +321,8 @@ with_language = with_group(LanguageOptions, "language")
 
 
 def flag_of(name: str) -> str:
-    """Option of the command line for a name of Python: ``--drop-loops`` for ``drop_loops``."""
-    return f"--{name.replace('_', '-')}"
+    """Option of the command line for a name of Python: ``--drop-loops`` for ``drop_loops``, ``--all`` for ``all_``."""
+    return f"--{name.rstrip('_').replace('_', '-')}"
 
 
 class OptionGroup(NamedTuple):

@@ -145,9 +145,9 @@ class ArmGeometry(CellRobot):
         """Pose of a work object in the world.
 
         Args:
-            wobj: None for the world; the name of a piece, one of its frames as ``piece.frame``, the name of a robot or
-                an arm (its tool centre point now); or a pose in any form. This arm, or its own name, means its tool at
-                its reference.
+            wobj: None or ``"world"`` for the world; the name of a piece, one of its frames as ``piece.frame``, the name
+                of a robot or an arm (its tool centre point now); or a pose in any form. This arm, or its own name,
+                means its tool at its reference.
         """
         # A move begins at the reference: targets in the tool's own frame are measured from there, not from where
         # servos sag.
@@ -160,7 +160,7 @@ class ArmGeometry(CellRobot):
 
         Args:
             q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
-            wobj: the work object in whose frame the pose is returned. If it is None, the world.
+            wobj: the work object in whose frame the pose is returned. If it is None or ``"world"``, the world.
 
         Returns:
             [x y z Rz Ry Rx] [m, rad], shape (6,), or (k, 6) for several postures.

@@ -69,8 +69,9 @@ class StationModel(PosedStation):
 
         Args:
             config: the station.
-            collision: whether the plant has collision shapes, which :meth:`query` and
-                :attr:`policy` need. Links of one robot then collide with each other, too.
+            collision: whether the plant has contact, and with it the collision shapes that :meth:`query` and
+                :attr:`policy` need. Links of one robot then collide with each other, too. Otherwise it has shapes only
+                if a sensor of the station measures them.
 
         Raises:
             InvalidModel: a robot or piece cannot be built.
@@ -81,6 +82,7 @@ class StationModel(PosedStation):
         # Links of one robot must not collide in a plan, even if the station leaves such contacts out.
         if contact is not None:
             contact = contact.model_copy(update={"self_collision": True})
+        # In a kinematic station all bases are welded, also those of robots on their own feet.
         super().__init__(config.model_copy(update={"mode": "kinematic", "contact": contact}))
         self.robots: dict[str, StationRobot] = self.station.robots
         # Transform by which a robot on its own feet is away from where it begins, by its model instance. The plant has
@@ -193,9 +195,9 @@ class StationModel(PosedStation):
     def frozen_station(self) -> StationConfig:
         """Make a dynamic station in which nothing but the robots can move, for the optimisation of paths.
 
-        Free pieces are fixed on the link whose finger holds them, or in the world where they are now. A floor without
-        terrain becomes a box, because distances are computed between bodies. References that the station prescribes
-        and couplings of axes are left out.
+        Free pieces are fixed on the link of the finger that holds them, or in the world where they are now. A floor
+        without terrain becomes a box, because distances are computed between bodies. References that the station
+        prescribes and couplings of axes are left out.
         """
         pieces = dict(self.config.pieces)
         for name, body in self.station.free_pieces.items():
@@ -226,6 +228,7 @@ class StationModel(PosedStation):
             "solver": DiscreteSolver(kind="discrete"),
             "floor": floor,
             "pieces": pieces,
+            # With contacts between links of one robot, as this model has them if it has contact.
             "contact": self.resolved.config.contact,
             "prescribed": {},
             "couplings": {},

@@ -502,14 +502,14 @@ def by_law(parts: Vector, postures: Vector, law: TimeLaw) -> tuple[Stretch, ...]
     slope = path.derivative(1)
     curvature = path.derivative(2)
     motions = []
-    for piece, (begin, end) in enumerate(pairwise(law.breaks)):
+    for polynomial, (begin, end) in enumerate(pairwise(law.breaks)):
         # A polynomial that covers a larger part of the path needs more points. Values of the law of this polynomial are
         # asked for by its number, because two polynomials have different accelerations where they meet.
-        share = float(np.ptp(law.at([begin, end], piece)))
+        share = float(np.ptp(law.at([begin, end], polynomial)))
         times = np.linspace(begin, end, _LEAST_POINTS + int(_FINER * share * len(parts)))
-        covered = np.clip(law.at(times, piece, 0), 0.0, 1.0)
-        rate = law.at(times, piece, 1)
-        rate_change = law.at(times, piece, 2)
+        covered = np.clip(law.at(times, polynomial, 0), 0.0, 1.0)
+        rate = law.at(times, polynomial, 1)
+        rate_change = law.at(times, polynomial, 2)
         ends = []
         for index in (0, -1):  # the first and the last time
             velocity = slope(covered[index]) * rate[index]

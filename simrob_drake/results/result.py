@@ -622,7 +622,9 @@ def _plant_of_program(runs: Sequence[RecordedRun], config: StationConfig) -> Sta
     robots = {}
     for name, robot in station.robots.items():
         # Captions name all tools that the robot used, each once.
-        tools = dict.fromkeys(run.plant.robots[name].tcp for run in runs)
+        used = [run.plant.robots[name].tcp for run in runs]
+        # A robot without a tool has an empty name for it.
+        tools = dict.fromkeys(tool for tool in used if tool)
         robots[name] = replace(robot, tcp=", ".join(tools))
     return replace(station, robots=robots)
 

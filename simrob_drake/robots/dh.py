@@ -316,7 +316,7 @@ def dh_robot(name: str, table: DhTable) -> ET.Element:
 
 def _add_shapes(link: ET.Element, shapes: list[LinkShape]) -> None:
     """Add shapes to a link, each as a visual and as a collision element."""
-    # Drake requires different names for the geometries of a link.
+    # Drake requires different names among the visuals of a link, and among its collision shapes.
     for number, shape in enumerate(shapes):
         name = f"{link.get('name')}_{number}"
         visual = add_solid(link, "visual", name, shape.solid)

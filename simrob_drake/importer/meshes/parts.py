@@ -223,7 +223,8 @@ def combine(parts: list[MeshPart]) -> MeshPart:
 def clean(part: MeshPart) -> MeshPart:
     """Remove faces that are degenerate or far away, merge equal vertices, and remove unused vertices.
 
-    The remaining faces keep the normals and texture coordinates of their corners. The result may have no faces.
+    The remaining faces keep the normals and texture coordinates of their corners. The result may have no faces. If all
+    faces are far away, it keeps all vertices.
     """
     # The comparison is false for NaN, so that vertices without a finite position count as far away.
     is_near = np.all(abs(part.vertices) < _FARTHEST, axis=1)

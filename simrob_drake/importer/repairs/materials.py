@@ -24,7 +24,7 @@ def repair_materials(robot: ET.Element, report: ImportReport) -> None:
     """Repair the materials of a robot and of its visuals, in place.
 
     Args:
-        robot: the ``robot`` element, whose numbers are repaired.
+        robot: the ``robot`` element. Its numbers have been repaired before.
         report: report of the import.
     """
     # The colours come first: the steps below compare them.

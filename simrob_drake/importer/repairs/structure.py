@@ -880,14 +880,14 @@ def _keep_one_tree(
                     problem=joint.problem,
                 ),
             )
-        ends = moving or roots
+        found_roots = moving or roots
         raise report.refusal(
             "",
             message(
                 "importer.several_roots",
                 "has {count} root links ({ends}); connect them by joints to one tree",
-                count=len(ends),
-                ends=list_names(ends, 6),
+                count=len(found_roots),
+                ends=list_names(found_roots, 6),
             ),
         )
     # What is left is a robot with loose links, such as those of a scene, or rigid trees of different sizes.

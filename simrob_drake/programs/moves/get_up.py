@@ -41,7 +41,7 @@ class GetUpMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys that a form for this move offers: all of them; see :meth:`Move.possible_keys`.
+        """Keys that the pendant's input form offers for this move: all of them; see :meth:`Move.possible_keys`.
 
         Returns None if the robot has no postures for getting up, or if the station is kinematic.
         """

@@ -97,7 +97,9 @@ class FingerMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys that a form for this move offers; see :meth:`Move.possible_keys`. None for a robot without fingers.
+        """Keys that the pendant's input form offers for this move; see :meth:`Move.possible_keys`.
+
+        None for a robot without fingers.
 
         A kinematic station has no forces, and fingers whose shapes do not meet have neither a width nor a force.
         """

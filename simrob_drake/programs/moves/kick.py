@@ -50,7 +50,9 @@ class KickMove(Move):
     def possible_keys(
         cls, config: StationConfig, robot: str, model: RobotModel
     ) -> frozenset[str] | None:
-        """Keys that a form for this move offers, without the parameters of the gait; see :meth:`Move.possible_keys`.
+        """Keys that the pendant's input form offers for this move, without the parameters of the gait.
+
+        See :meth:`Move.possible_keys`.
 
         Returns None if the robot's `gaits.yaml` has no kick of the usual name.
         """
