@@ -115,6 +115,20 @@ def test_a_value_lies_at_the_part_of_the_draws_that_it_was_taken_from(one):
     assert np.mean([one.part(value) for value in draws]) == pytest.approx(0.5, abs=0.03)
 
 
+@pytest.mark.parametrize(
+    "single",
+    [
+        Normal(mean=1, deviation=0),
+        Normal(mean=1, deviation=0, low=0, high=2),
+        Normal(mean=1, deviation=0, low=0, high=1),
+        Normal(mean=1, deviation=0.5, low=1, high=1),
+    ],
+)
+def test_a_single_value_lies_in_the_middle_of_all_draws(single):
+    assert single.quantile(0.1) == single.quantile(0.9) == 1
+    assert single.part(1) == 0.5
+
+
 def test_ranges_begin_where_they_are_told_or_in_their_middle():
     assert Uniform(low=0.1, high=1000).first == pytest.approx(500.05)
     assert Uniform(low=0.1, high=1000, log=True).first == pytest.approx(10)

@@ -271,8 +271,8 @@ class Normal(Distribution):
         It is 0.5 for a distribution with a single value.
         """
         parts = self._parts
-        # Without a deviation all draws are the mean, and the quotient below would be 0 / 0.
-        if parts.high <= parts.low:
+        # All draws are one value: the mean, or the bound that leaves no other. The quotient below could be 0 / 0.
+        if not self.deviation or parts.high <= parts.low:
             return 0.5
         return (self._unbounded_part(value) - parts.low) / (parts.high - parts.low)
 

@@ -243,10 +243,10 @@ _NEAREST = 6  # count of pairs of shapes that are evaluated at every posture
 
 
 def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> str:
-    """Describe the collision of a robot in a posture (n,) [rad or m], such as "link_5 in table".
+    """Describe the deepest overlap of a robot in a posture (n,) [rad or m], such as "link_5 in table".
 
-    Returns an empty string if there is no collision. Bodies that touch in the present posture
-    ``now`` (n,) may stay as deep. The robot of the model is left in the posture.
+    Returns an empty string if there is no collision. Bodies that touch in the posture ``now`` (n,) from which the robot
+    comes, such as its reference, may stay as deep. The robot of the model is left in the posture.
     """
     # A motion of two postures: the first one shows what touches already, the second is checked.
     motion = {robot: np.array([now, posture])}

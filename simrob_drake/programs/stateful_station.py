@@ -51,7 +51,7 @@ class StatefulStation(ABC):
 
     Attributes:
         config: the station, with its pieces on their present parents.
-        state: its state. It is None before the first run.
+        state: its state. It is None before the first run, unless the station's file names a state under ``start``.
         tape: the recorded runs.
         progress: whether a bar on a terminal shows the progress of a run. The default is False.
         strict: whether a run with warnings raises an error, too, and leaves the station unchanged. The default is

@@ -139,7 +139,7 @@ def check_urdf(root: ET.Element, path: Path) -> None:
 
 
 def check_size(root: ET.Element, refuse: Refuse) -> None:
-    """Check that Drake has enough memory for the robot.
+    """Check that a robot does not have more links than Drake has memory for.
 
     Args:
         root: the ``robot`` element.

@@ -157,7 +157,7 @@ class StationDiagrams:
     @cached_property
     def _lean(self) -> ClosedStation:
         """The diagram without sensors that only report; the whole one if there are no such sensors."""
-        sensors = self._sensors_in_loops()
+        sensors = self._stepped_sensors()
         if len(sensors) == len(self._station.sensors):
             return self.whole
         return self._build(sensors=sensors)
@@ -165,10 +165,14 @@ class StationDiagrams:
     @cached_property
     def _lean_without_forces(self) -> ClosedStation:
         """The diagram without sensors that only report, and without forces."""
-        return self._build(sensors=self._sensors_in_loops(), has_forces=False)
+        return self._build(sensors=self._stepped_sensors(), has_forces=False)
 
-    def _sensors_in_loops(self) -> list[str]:
-        """List the names of the sensors that controllers read."""
+    def _stepped_sensors(self) -> list[str]:
+        """List the names of the sensors that must take samples while the station is stepped.
+
+        These are the sensors that controllers read, those that always take samples while stepping, and those that one
+        of these reads.
+        """
         return sorted(
             sensors_read(readers_of(self._station.config.controllers), self._station.sensors)
         )

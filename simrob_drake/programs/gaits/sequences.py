@@ -130,7 +130,8 @@ class Posing(Gait):
             amplitude: not used.
         """
         knots = self._knots(walker.model)
-        # Times of all repetitions, so that a first target at the time 0 is refused as well.
+        # The times of the knots, not of the targets: they contain the start at 0 s, so that a first target at 0 s is
+        # refused as well.
         if (np.diff(knots.times) <= 0).any():
             raise InvalidParameter(
                 "targets",

@@ -188,8 +188,8 @@ def _foot_name(skeleton: Skeleton, link: str) -> str:
 def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: float) -> Vector:
     """Compute how far a foot that is a ball has rolled since its touchdown.
 
-    While the foot is in the air, the distance goes back to zero, because the next touchdown is planned without it. A
-    foot that stands at the first sample has not rolled there.
+    While the foot is in the air, the distance goes back to zero, because footholds are planned as if the ball did not
+    roll. A foot that stands at the first sample has not rolled there.
 
     Args:
         rotation: rotations of the ball at m times, shape (m, 3, 3).
@@ -199,7 +199,8 @@ def rolled_distances(rotation: Vector, standing: npt.NDArray[np.bool_], radius: 
     Returns:
         Displacement of the middle of the ball ahead and to the left, shape (m, 2) [m].
     """
-    # For a small rotation R from one sample to the next, the rotation vector is (R - R^T)^v / 2.
+    # For a small rotation R from one sample to the next, the rotation vector is half of the vector of the skew matrix
+    # R - R^T.
     change = rotation[1:] @ rotation[:-1].transpose(0, 2, 1)
     twice_about_x = change[:, 2, 1] - change[:, 1, 2]
     twice_about_y = change[:, 0, 2] - change[:, 2, 0]

@@ -327,7 +327,8 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(200, "text/html; charset=utf-8", window.page)
         elif self.path.partition("?")[0] == f"{window.path}events":
             self._answer(200, "text/event-stream")
-            # A page that lost its connection asks for the events after the last one that it has received.
+            # A page that lost its connection asks for the events after the last one that it has received, such as
+            # `events?after=12`. A text without a number gives 0, as for a new page.
             for event in window.events(number_of(self.path.rpartition("=")[2])):
                 self.wfile.write(event)
         else:

@@ -149,8 +149,7 @@ def _no_attribute(kind: type[Any], name: str) -> str:
     # Fields without a default are no attributes of the class, so that dir() does not list them.
     attributes = {*dir(kind), *(own.name for own in fields(kind))}
     public = {attribute for attribute in attributes if not attribute.startswith("_")}
-    # Names that pandas and other packages use come first: they resemble no attribute, so a search would not
-    # find them.
+    # Names that pandas and other packages use come first: a search would find no attribute for them, or a wrong one.
     close = _USUAL_NAMES.get(name) or nearest_name(name, public)
     if close is None or name.startswith("_"):
         return message("results.no_attribute", "a result has no attribute '{name}'", name=name)

@@ -142,7 +142,7 @@ class Sampler:
                 ]
 
         # An output whose value is a discrete group was recorded as well. All others are evaluated by Drake.
-        # A dict, not a set: the ports stay in order and occur once, also if the state port was added above.
+        # A dict, not a set: the ports stay in order, and a port that is asked for twice is evaluated once.
         needed = dict.fromkeys(others)
         for port in needed:
             if port in self._recorded:

@@ -474,7 +474,7 @@ def _distance(run: RecordedRun) -> Measured | None:
     if not signals:
         return None
     distances = np.column_stack([run[signal.names[0]] for signal in signals])
-    # The smallest distance is the largest negative one.
+    # `largest` of the negated distances finds the smallest.
     nearest = largest(-distances, run.times)
     return Measured([signal.part for signal in signals], -nearest.values, nearest.times)
 
