@@ -73,7 +73,7 @@ class TimeLaw:
         return np.asarray(polyval(since_start_of_piece, polyder(self.coefficients[piece], order)))
 
     def times_of(self, parts: Vector) -> Vector:
-        """Find the times at which the motion has covered parts (m,) of the path, each 0 to 1 [s].
+        """Find the times [s] at which the motion has covered parts of the path, shape (m,), each 0 to 1.
 
         They are interpolated between samples of the pieces. The speed of the motion must be positive, so that each part
         has one time.

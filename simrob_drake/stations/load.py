@@ -98,7 +98,8 @@ def load_station(
             Python, also arrays of NumPy. Relative paths in a mapping start at the current folder.
         overrides: new values. Keys may be dotted, as in ``{"servo.kp": 500}``, or values nested mappings. A section
             whose ``kind`` changes begins from the defaults of the new kind and the other overrides, without the keys
-            that the file has for the old kind; the warning ``KeysLeftOut`` names these. The value None removes a
+            that the file has for the old kind; the warning ``KeysLeftOut`` names these, unless a mapping that contains
+            the new kind replaces the whole section. The value None removes a
             piece, sensor, monitor, coupling, force or controller.
         called: names of overrides for error messages, by the key of the override; ``override KEY`` by default.
         allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` do.
@@ -670,7 +671,7 @@ def _override(
         value: the new value. A mapping without a kind, or with the kind of the section, changes only the keys that the
             mapping has. A mapping of another kind replaces the section. None removes an entry, such as a piece.
         where: name of the overrides, for errors.
-        losses: records the keys that sections lose because their ``kind`` changes.
+        losses: empties sections whose ``kind`` changes, and records the keys that they lose.
 
     Raises:
         InvalidConfig: the key or the value is invalid.
@@ -691,10 +692,13 @@ def _override(
         del section[key]
         return
     # Before the new robot is written, as the former one is compared with it.
-    is_origin = path[0] in _ROBOT_SECTIONS and key in _KEYS_OF_OTHER_ORIGIN
+    # A robot's own key: `robot.urdf` or `robots.<name>.urdf`, but not a robot that is called `urdf`.
+    is_robot_key = path[:-1] == [ONLY_ROBOT] or (path[0] == "robots" and len(path) == 3)
+    is_origin = is_robot_key and key in _KEYS_OF_OTHER_ORIGIN
     if is_origin and value is not None:
         _drop_former_robot(section, key, value)
     if key == "kind" and len(path) > 1 and isinstance(value, str):
+        # This empties the section if it had another kind.
         losses.begin_new_kind(section, path[:-1], value)
     if not _changes_keys_only(value, section.get(key), path):
         section[key] = _copy(value, path, where)
@@ -732,7 +736,8 @@ def _changes_keys_only(value: Any, old: Any, path: list[str]) -> bool:
 def _drop_former_robot(section: Content, origin: str, value: Any) -> None:
     """Remove the keys from a robot's section that belong to the former robot, before a new robot replaces it.
 
-    They are the key of the other origin, the options of an import, and one initial position for all axes.
+    They are the key of the other origin, for a new ``model`` also the options of an import, and, if the robot is
+    another one, one initial position for all axes.
 
     Args:
         section: the robot's section, which is changed.

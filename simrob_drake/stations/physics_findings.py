@@ -65,7 +65,11 @@ def physics_warnings(config: StationConfig, ports: StationPorts) -> list[str]:
 
 
 def _controller_findings(config: StationConfig, ports: StationPorts) -> list[Finding]:
-    """Collect the warnings of the station's feedback controllers, such as commands that the robot cannot follow."""
+    """Collect the warnings of the station's feedback controllers, such as commands that the robot cannot follow.
+
+    Raises:
+        InvalidParameter: a strict controller refuses such a command.
+    """
     findings = []
     for name, controller in loops_of(config.controllers).items():
         key = f"controllers.{name}"

@@ -339,16 +339,17 @@ def add_prescribed_torque(
 
     # The torques of the motions depend on the bus, then on the generalized accelerations.
     acceleration = plant.get_generalized_acceleration_output_port()
-    missed = _missed_torque(robot, plant, rotors)
+    # This matrix and `resistance` have the columns [bus, accelerations], `law` has those of the bus.
+    missed_torque = _missed_torque(robot, plant, rotors)
     signals = [torque, bus, acceleration]
     if uses_reaction_forces(ports.config):
         # tau = S (ddq_r - dv/dt) + d (v + h dv/dt) + f, where f, the reaction forces, follows the accelerations.
         signals.append(_add_joint_forces(builder, ports, robot))
         resistance = _joint_resistance(robot, engine.time_step)
-        motion_torque = np.hstack([missed + resistance, np.eye(len(axes))])
+        motion_torque = np.hstack([missed_torque + resistance, np.eye(len(axes))])
     else:
         # tau = S (ddq_r - dv/dt) + u - J dv/dt
-        motion_torque = missed + np.hstack([law, -rotors @ to_joints])
+        motion_torque = missed_torque + np.hstack([law, -rotors @ to_joints])
 
     # The torques of all axes: the servos' torques (zero for prescribed joints), plus the torques of the motions.
     every_axis = np.eye(len(robot.axes))

@@ -110,8 +110,8 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
     holds, in addition to those of the station's file.
     """
     # Controllers that read and drive signals of the station need inputs that its file may not list.
-    loops = readers_of(config.controllers).values()
-    needed_inputs = {name for loop in loops for name in loop.needs}
+    readers = readers_of(config.controllers).values()
+    needed_inputs = {name for reader in readers for name in reader.needs}
     added_inputs = sorted(needed_inputs - set(config.inputs))
     if added_inputs:
         config = config.model_copy(update={"inputs": (*config.inputs, *added_inputs)})

@@ -291,6 +291,7 @@ class Stances:
                 "the robot also stands on {links}",
                 links=", ".join(sorted(others)),
             )
+        # Parts of the links' lengths at which they touch the ground, measured from their joints: near 0 is a knee.
         if min(found.carrying_links.values()) < KNEELING:
             yield message("stations.it_kneels", "the robot kneels")
 
@@ -548,12 +549,11 @@ class Stances:
         down = np.array([0.0, 0.0, -1.0])
 
         def foot_error(angles: Vector) -> Vector:
-            """Error of the foot's position by the leg's length (3,), and of the sole's normal (3,) if there is one."""
+            """Error of the foot's position over the leg's length (3,), and of the sole's normal (3,) if it has one."""
             positions[indices] = signs * angles
             plant.SetPositions(context, positions)
             pose = plant.EvalBodyPoseInWorld(context, leg.foot)
-            # By the length, so that an error of the position compares with one of the direction
-            # [rad].
+            # Divided by the length, so that an error of the position compares with one of the direction [rad].
             position_error: Vector = (pose @ leg.point - target) / length
             if leg.normal is None:
                 return position_error

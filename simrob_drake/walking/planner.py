@@ -369,11 +369,11 @@ class WalkPlanner:
             stride: state of the walk, with the landing of the last sample.
             estimate: what the sensors measure.
             planned: landing without an error.
-            support: the rest of the step.
+            support: what remains of the step.
 
         Returns:
-            The rest of the step, whose weight transfer ends now if the swing foot may lift at once, and the landing. If
-            the error is within the deadband, they are `support` and `planned`.
+            What remains of the step, whose weight transfer ends now if the swing foot may lift at once, and the
+            landing. If the error is within the deadband, they are `support` and `planned`.
         """
         feedback = self._feedback
         standing, swinging = stride.step.sides
@@ -384,9 +384,12 @@ class WalkPlanner:
             return support, planned
 
         # A single foot lifts at once, as its step is the answer. A pair does not: a trot would only become hasty. Nor
-        # does the foot of a walk's first step, whose longer transfer has to bring the weight over first.
+        # does the foot of a walk's first step, whose longer transfer has to bring the weight over first. The groups of
+        # both sides have as many feet.
         is_single = len(self._stance.groups[standing]) == 1
-        if is_single and support.time < support.transfer <= self.steps.transfer:
+        is_transferring = support.time < support.transfer
+        is_usual_transfer = support.transfer <= self.steps.transfer
+        if is_single and is_transferring and is_usual_transfer:
             support = support._replace(transfer=support.time, zmp=support.rest)
 
         # Soles bring the zero-moment point beyond the error, which then grows more slowly.
@@ -722,7 +725,10 @@ class WalkPlanner:
         return stride
 
     def _raise_swing_feet(self, stride: Stride, distances: Sequence[float]) -> Stride:
-        """Raise each foot of the swing group by its own distance [m]. If all distances are 0, nothing changes."""
+        """Raise each foot of the swing group by its own distance [m]. If all distances are 0, nothing changes.
+
+        This raises the ground that is expected below the feet: its mean height, and its slope between the feet.
+        """
         if not any(distances):
             return stride
         slope_weights = self._stance.slope_weights[1 - int(stride.step.standing)]

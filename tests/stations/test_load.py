@@ -480,3 +480,13 @@ def test_defaults_that_a_function_makes_were_not_given_by_anybody():
     losses.begin_new_kind(entry, ["sensors", "base"], "imu")
 
     assert "reads" in losses.texts[0]
+
+
+def test_a_robot_may_be_called_as_the_key_of_an_origin():
+    """New content of the robot `model` does not remove the robot `urdf`, as a new key `model` removes the key `urdf`."""
+    content = {"robots": {name: {"model": "irb120"} for name in ("model", "urdf")}}
+
+    config = load_station(content, {"robots.model": {"model": "double_pendulum"}})
+
+    models = {name: robot.model for name, robot in config.robots.items()}
+    assert models == {"model": "double_pendulum", "urdf": "irb120"}

@@ -450,7 +450,8 @@ class WalkingLoop(SampledBlock):
         self._measured_feet = [foot for foot in feet if foot in section.reads]
         self._has_command_port = "command" in section.reads
         self._has_waits_port = "waits" in section.reads
-        # The stride after the last sample, and its numbers as bytes, so that it need not be made of them again.
+        # The stride after the last sample, and its numbers as bytes: as long as the memory has these numbers, the
+        # stride need not be made from them again.
         self._last_numbers = b""
         self._last_stride = Stride()
 

@@ -70,8 +70,8 @@ class Sensor(Strict, ABC):
     def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples while the station is stepped.
 
-        Other sensors are added to the diagram only if something reads them: a block that nothing reads still costs a
-        solver time at every evaluation of the diagram.
+        A run leaves other sensors out of the diagram that it steps, unless something reads them: a block that nothing
+        reads still costs a solver time at every evaluation of the diagram. Their values are computed after the run.
         """
         return False
 
