@@ -483,7 +483,7 @@ def test_defaults_that_a_function_makes_were_not_given_by_anybody():
 
 
 def test_a_robot_may_be_called_as_the_key_of_an_origin():
-    """New content of the robot `model` does not remove the robot `urdf`, as a new key `model` removes the key `urdf`."""
+    """New content of the robot `model` does not remove the robot `urdf`, as a key `model` removes the key `urdf`."""
     content = {"robots": {name: {"model": "irb120"} for name in ("model", "urdf")}}
 
     config = load_station(content, {"robots.model": {"model": "double_pendulum"}})
