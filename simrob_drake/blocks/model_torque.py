@@ -2,8 +2,10 @@ r"""Torques that the model of a plant predicts, computed by Drake's inverse dyna
 
 .. math:: \tau = M(q)\,\dot v + C(q, v)\,v + \tau_g(q)
 
-For a desired motion, this torque is a feedforward. For the measured state and a desired acceleration it is a computed
-torque. For the measured state without acceleration it is the torque that keeps an arm moving as it does.
+The block also adds the torques that the plant's dampers and springs take at this motion; if it only balances gravity,
+it leaves them out. For a desired motion, this torque is a feedforward. For the measured state and a desired
+acceleration it is a computed torque. For the measured state without acceleration it is the torque that keeps an arm
+moving as it does.
 
 A robot's axes are the coordinates of its servos; `AxisMap` converts between axes and the joints of the plant. Its
 matrices pick the values of the axes from a vector of the plant, with the signs +1 or -1 of axes in the sense of their

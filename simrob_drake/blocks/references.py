@@ -548,7 +548,7 @@ def interpolate_samples(
     Args:
         times: shape (m,) [s].
         positions: shape (m, n) [rad].
-        linear: whether straight lines join the samples. They always join two samples.
+        linear: whether straight lines join the samples. Only two samples are always joined by a straight line.
 
     Raises:
         InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.

@@ -356,7 +356,7 @@ def add_servos(
         group_name = f"{prefix}{name}"
         command = _add_group(builder, bus, gains, group, signals, group_name)
         if saturated:
-            command = add_motor(
+            command = add_motor_limits(
                 builder,
                 command,
                 gains,
@@ -370,7 +370,7 @@ def add_servos(
     return torque.get_output_port()
 
 
-def add_motor(
+def add_motor_limits(
     builder: DiagramBuilder,
     command: OutputPort,
     gains: ServoGains,
@@ -383,7 +383,8 @@ def add_motor(
 ) -> OutputPort:
     """Add the limits of motors to commanded torques: the fall of the torque with speed, if any, and the torque limits.
 
-    If the torque of no motor of the group falls with its speed, only the saturation is added.
+    If the torque of no motor of the group falls with its speed, only the saturation is added. Its limits are infinite
+    for motors that only their voltage limits.
 
     Args:
         builder: builder of the diagram.

@@ -1,8 +1,8 @@
 """Servos, motors, monitors, contact sensors and IMUs for a plant of the user's own, without any station.
 
-Each function takes a builder and a finalized ``MultibodyPlant`` in it, finds joints and bodies by their names, adds
-the blocks, and connects them to the plant. All values are in SI units and radians; of joints that slide, m takes the
-place of rad and N the place of N·m.
+All functions but `add_monitor` take a builder and a finalized ``MultibodyPlant`` in it, find joints and bodies by their
+names, add the blocks, and connect them to the plant. `add_monitor` takes ports. All values are in SI units and radians;
+of joints that slide, m takes the place of rad and N the place of N·m.
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -241,7 +241,7 @@ class Cruise(ReferenceSection):
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
         """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³]; infinite here, so that the acceleration jumps.
 
-        A kind may also return None: then the acceleration rises for a third of the ramp.
+        A kind may also return None: then the acceleration rises for a third of the phase of acceleration.
         """
         return np.full(len(robot.axes), np.inf)
 
@@ -272,7 +272,7 @@ class SCurve(Cruise):
     def _jerks(self, robot: ResolvedRobot) -> Vector | None:
         """Largest jerk of each axis, shape (n,) [rad/s³ or m/s³].
 
-        None if the section does not limit it: then the acceleration rises for a third of the ramp.
+        None if the section does not limit it: then the acceleration rises for a third of the phase of acceleration.
         """
         if self.jerk_deg is None:
             return None

@@ -202,12 +202,12 @@ def _find_shapes(plant: StationPlant, station: StationContents, name: str) -> It
             belongs = is_named and piece_of_shape(station, inspector, shape) == piece
         else:
             body = plant.plant.GetBodyFromFrameId(inspector.GetFrameId(shape))
-            belongs = _belongs_to_robot(plant, body, name)
+            belongs = _belongs_to_name(plant, body, name)
         if belongs:
             yield shape
 
 
-def _belongs_to_robot(plant: StationPlant, body: RigidBody, name: str) -> bool:
+def _belongs_to_name(plant: StationPlant, body: RigidBody, name: str) -> bool:
     """Check whether a body belongs to the robot or to the link that has a name.
 
     The pieces that a robot carries belong to it. A link that is fixed to another one has no body of its own: its body

@@ -454,10 +454,10 @@ class ClearStart:
         self,
         posture: Vector,
         step: Vector,
-        parts: Sequence[float] | Vector,
+        shares: Sequence[float] | Vector,
     ) -> bool:
-        """Whether the move by a step (n,) from a posture (n,) [rad or m] has no faults at some parts of it, 0 to 1."""
-        return not any(any(self._faults(posture + part * step)) for part in parts)
+        """Whether the move by a step (n,) from a posture (n,) [rad or m] has no fault at any of its shares, 0 to 1."""
+        return not any(any(self._faults(posture + share * step)) for share in shares)
 
     def _remarks(self, posture: Vector, target: Vector) -> tuple[str, ...]:
         """Write sentences for the user: what was chosen, what was checked, and what is wrong.

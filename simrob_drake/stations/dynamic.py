@@ -32,7 +32,12 @@ from simrob_drake.blocks.model_torque import (
 )
 from simrob_drake.blocks.monitor import SteadySteps
 from simrob_drake.blocks.passive_joints import add_external_force, add_joint_stops
-from simrob_drake.blocks.servo import ServoSignals, add_actuator_servos, add_motor, add_servos
+from simrob_drake.blocks.servo import (
+    ServoSignals,
+    add_actuator_servos,
+    add_motor_limits,
+    add_servos,
+)
 from simrob_drake.parts.inputs import InputPorts
 from simrob_drake.parts.outputs import FromState
 from simrob_drake.parts.site import Site
@@ -512,7 +517,7 @@ def _add_servo_blocks(
 
     def add_limits(command: OutputPort) -> OutputPort:
         """Add a block that limits commands by the torque limits and motors of all axes. Returns the torques."""
-        return add_motor(
+        return add_motor_limits(
             builder,
             command,
             robot.gains,

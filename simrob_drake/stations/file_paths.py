@@ -9,8 +9,8 @@ A *key* is dotted, such as ``robot.urdf``. In the patterns of keys, ``*`` stands
 
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
 from copy import deepcopy
+from os.path import isfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -274,12 +274,17 @@ def with_copied_files(config: StationConfig, folder: Path) -> StationConfig:
             continue
         # A folder for each section, as files of two robots may have the same name.
         subfolder = Path(FILES, *key.split(".")[:-1])
-        with suppress(SimrobError):  # the file cannot be read any more
-            options = ImportOptions.model_validate(section.get("import_options") or {})
+        options = ImportOptions.model_validate(section.get("import_options") or {})
+        try:
             files = _FILES_OF[last](Path(section[last]), key, options)
-            _copy_files(files, folder / subfolder)
-            section[last] = str(subfolder / files.main.name)
-            section.pop("import_options", None)  # the copy has been imported already
+        except (SimrobError, OSError):
+            # A file cannot be read any more. A result is saved all the same, and names where the file was.
+            continue
+        if not all(isfile(file) for file in (files.main, *files.needed)):
+            continue
+        _copy_files(files, folder / subfolder)
+        section[last] = str(subfolder / files.main.name)
+        section.pop("import_options", None)  # the copy has been imported already
     return StationConfig.model_validate(content)
 
 

@@ -112,9 +112,9 @@ def _axis_of_joint(robot: ResolvedRobot, element: str) -> str | None:
 def _losses(robot: ResolvedRobot, lost: list[Entry]) -> Iterator[Entry]:
     """Select the losses of an import that become findings of their own.
 
-    Friction of an axis is left out: `_friction_finding` reports it. Mimic joints of axes are left out, too. Older
-    imports reported them as lost, but stations now couple such an axis to its leader; `_unheld_mimic_finding` reports
-    those that the solver does not hold.
+    Friction of an axis is left out: `_friction_finding` reports it, unless the axis has friction again. Mimic joints of
+    axes are left out, too. Older imports reported them as lost, but stations now couple such an axis to its leader;
+    `_unheld_mimic_finding` reports those that the solver does not hold.
 
     Args:
         robot: the imported robot.

@@ -476,7 +476,9 @@ def _named_packages(
 
 
 def _with_directives(content: Content, where: Path | str, request: SceneRequest) -> Content:
-    """Add the robots and pieces of the files under ``add_directives``. Returns a copy without this key.
+    """Add the robots and pieces of the files under ``add_directives``.
+
+    Returns a copy without this key, or the same object if it lacks the key.
 
     Args:
         content: content of the station's file, with absolute paths. Its own keys take the place of the same keys of
@@ -485,7 +487,7 @@ def _with_directives(content: Content, where: Path | str, request: SceneRequest)
         request: packages and folders that may be read.
 
     Raises:
-        InvalidConfig: a file is no scene, or two of them have a robot or a piece of the same name.
+        InvalidConfig: a file is missing or no scene, or two of them have a robot or a piece of the same name.
     """
     if "add_directives" not in content:
         return content

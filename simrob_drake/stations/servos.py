@@ -52,7 +52,7 @@ def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
             found[index] = _complete_motor(own, robot, index)
         # A choice for all axes, or one of the robot's own file, leaves passive axes out. A station that names a passive
         # axis asks for a motor there, which is an error unless it says that there is none.
-        elif isinstance(servo.motor, dict) and own != NO_MOTOR:
+        elif isinstance(servo.motor, dict) and NO_MOTOR not in (own, getattr(own, "model", None)):
             raise passive_axis(f"{_KEY}.{axis}", axis)
     return found
 

@@ -210,8 +210,8 @@ class Body:
 
         Returns:
             The matrix B (6, m), or None if the leg corrects all components: ``error @ B`` are the m corrected
-            components of an error (6,) in the root's axes. It depends on the direction in which the robot looks, so
-            that the foot of a leg of fewer joints stays flat and keeps its direction ahead.
+            components of an error (6,) in the root's axes. It depends on the direction in which the robot looks,
+            since the components are those of a root that looks along x.
         """
         # From the root's axes to those of a root that looks along x: the same rotation for both halves of a pose error,
         # the rotation vector and the translation. Each row gives one of the components that `_CONTROLLED` lists.

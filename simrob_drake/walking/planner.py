@@ -421,12 +421,15 @@ class WalkPlanner:
         return abs((estimate.xi - xi).imag) >= threshold
 
     def _brace(self, stride: Stride) -> tuple[Stride, complex]:
-        """Stop the walk on both feet, until the error is over. Returns the stride and its divergent component [m]."""
-        middle = self.steps.middle(int(stride.step.standing), stride.swing.place)
+        """Stop the walk on both feet. Returns the stride and its divergent component [m].
+
+        The zero-moment point goes to the middle of the feet's rest points. `_start_if_needed` ends the bracing.
+        """
+        zmp = self.steps.middle(int(stride.step.standing), stride.swing.place)
         step = stride.step._replace(
-            active=0.0, brace_time=_BRACE_TIME, speed=0j, turn=0.0, zmp_from=middle
+            active=0.0, brace_time=_BRACE_TIME, speed=0j, turn=0.0, zmp_from=zmp
         )
-        return stride._replace(step=step, trunk=stride.trunk._replace(zmp=middle)), middle
+        return stride._replace(step=step, trunk=stride.trunk._replace(zmp=zmp)), zmp
 
     def _start_if_needed(
         self, stride: Stride, command: Command, estimate: Estimate | None

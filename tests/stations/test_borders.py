@@ -161,6 +161,24 @@ def test_changes_by_dotted_keys_start_at_the_folder_of_their_file(tmp_path):
     }
 
 
+def test_a_file_that_was_deleted_is_not_copied(places, tmp_path):
+    """The copy of the station names where the file was; files that are there are copied all the same."""
+    own, _ = places
+    (own / "box.obj").write_text(BOX)
+    text = """robot: {urdf: arm.urdf}
+reference: {kind: table, file: table.csv}
+pieces: {part: {mesh: box.obj, scale: 1, parent: world}}
+"""
+    config = load_station(station(own, text))
+    (own / "table.csv").unlink()
+
+    copied = with_copied_files(config, tmp_path)
+
+    assert copied.reference.file == own / "table.csv"
+    assert copied.pieces["part"].mesh == Path("files/pieces/part/box.obj")
+    assert (tmp_path / "files" / "pieces" / "part" / "box.obj").is_file()
+
+
 def test_a_station_carries_what_it_names(places, tmp_path):
     own, other = places
     (own / "arm.urdf").write_text(URDF.format(mesh=other / "box.obj"))

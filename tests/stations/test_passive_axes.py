@@ -273,6 +273,17 @@ def test_a_key_that_needs_its_motor_is_refused(
     assert "\n" not in str(problem.value)
 
 
+@pytest.mark.parametrize("none", ["none", {"model": "none"}], ids=["text", "section"])
+def test_a_station_may_say_that_a_passive_axis_has_no_motor(
+    pendulum: WriteStation, none: object
+) -> None:
+    config = pendulum(servo={"motor": {"shoulder": none}})
+
+    robot = resolve(load_station(config)).robots["robot"]
+
+    assert robot.motors[robot.axes.index("shoulder")] is None
+
+
 def test_values_for_all_axes_are_meant_for_those_with_motors(pendulum: WriteStation) -> None:
     target = {"kind": "move", "target_deg": [10.0, 20.0], "duration": 0.5}
     servo = {"kp": KP, "kd": [KD, KD], "torque_limit": 20.0}
