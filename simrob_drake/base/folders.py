@@ -130,7 +130,7 @@ def check_new_file(file: Path, *, force: bool) -> None:
         raise OutputError(
             message(
                 "base.file_exists",
-                "{file} exists already; choose another file or replace it with --force",
+                "{file} exists already; choose another file or replace it with --force, in Python force=True",
                 file=file,
             )
         )
@@ -172,7 +172,7 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
             raise OutputError(
                 message(
                     "base.folder_exists",
-                    "{folder} exists already; choose another folder or replace it with --force",
+                    "{folder} exists already; choose another folder or replace it with --force, in Python force=True",
                     folder=folder,
                 )
             )

@@ -1,13 +1,14 @@
 """Results for notebooks and scripts: saved results are read again, and results are drawn over each other."""
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from simrob_drake.base.arguments import as_path
 from simrob_drake.base.errors import InvalidParameter, quote_value
-from simrob_drake.base.messages import join_texts, message
+from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.results.plots.overlay import (
     SavedSignals,
     overlay_figure,
@@ -75,7 +76,9 @@ def load_result(folder: Path | str) -> SavedResult:
     )
 
 
-def plot_results(*results: AnyResult, signals: Sequence[str] = ()) -> NotebookFigure:
+def plot_results(
+    *results: AnyResult, signals: Sequence[str] = (), labels: Sequence[str] = ()
+) -> NotebookFigure:
     """Draw signals of results over each other: a frame for each signal, a curve for each result.
 
     A notebook shows the returned figure; ``figure.savefig("file.png")`` writes it.
@@ -84,23 +87,47 @@ def plot_results(*results: AnyResult, signals: Sequence[str] = ()) -> NotebookFi
         results: results of runs, results that were loaded, or their folders.
         signals: names of signals, with ``*`` for any part, such as ``q.joint_2`` or ``tau.*``. If there are none,
             positions and torques of all joints that move in one of the results are drawn.
+        labels: names of the results in the legend, in their order. By default they are the names of the results, with a
+            number if several have the same name.
 
     Returns:
         the figure.
 
     Raises:
         InvalidConfig: a folder holds no result.
-        InvalidParameter: there is no result, one of another type, or nothing to draw.
+        InvalidParameter: there is no result, one of another type, another count of labels than of results, or nothing
+            to draw.
         UnknownName: no result has a signal of this name.
     """
     if not results:
         expected = message("results.at_least_one_result", "at least one result, or its folder")
         raise InvalidParameter("results", quote_value(""), expected)
+    if labels and len(labels) != len(results):
+        expected = message(
+            "results.label_of_each", "one label for each of {count} results", count=len(results)
+        )
+        raise InvalidParameter("labels", list(labels), expected)
     names = [signals] if isinstance(signals, str) else list(signals)
-    figure = overlay_figure([_signals_of(result) for result in results], names, "signals")
+    of_results = [_signals_of(result) for result in results]
+    legend = list(labels) or _different_names([own.name for own in of_results])
+    labelled = [replace(own, name=label) for own, label in zip(of_results, legend, strict=True)]
+    figure = overlay_figure(labelled, names, "signals")
     # Notebooks and savefig() show the figure without going through save_figure(), which would complete it.
     complete_figure(figure)
     return figure
+
+
+def _different_names(names: Sequence[str]) -> list[str]:
+    """Number those names that occur several times, such as "arm (2)", so that a legend tells them apart."""
+    numbers = Counter[str]()
+    different = []
+    for name in names:
+        numbers[name] += 1
+        is_repeated = names.count(name) > 1
+        different.append(
+            compound("{name} ({number})", name=name, number=numbers[name]) if is_repeated else name
+        )
+    return different
 
 
 def _signals_of(result: AnyResult) -> SavedSignals:

@@ -384,7 +384,8 @@ def _validate(content: Content, where: Path | str, allow_code: bool) -> StationC
         if controller.runs_code and not allow_code:
             expected = message(
                 "stations.would_run_code",
-                "would run the Python code {code}; if you trust this code, use allow_code=True or --allow-code",
+                "would run the Python code {code}; if you trust this code, use "
+                "load_station(..., allow_code=True) or --allow-code",
                 code=controller.class_,
             )
             raise InvalidConfig(where, f"controllers.{name}", expected)

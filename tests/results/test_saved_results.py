@@ -135,6 +135,22 @@ def test_a_result_with_a_missing_or_damaged_summary_is_refused(summary, words, t
         sd.load_result(tmp_path)
 
 
+def test_results_of_one_name_are_numbered_in_the_legend(result):
+    figure = sd.plot_results(result, result, signals="q.joint_1")
+
+    first, second = (line.get_label() for line in figure.axes[0].get_lines())
+    assert first.endswith(" (1)")
+    assert second == first.replace(" (1)", " (2)")
+
+
+def test_labels_name_the_results_in_the_legend(result):
+    figure = sd.plot_results(result, result, signals="q.joint_1", labels=["slow", "fast"])
+
+    assert [line.get_label() for line in figure.axes[0].get_lines()] == ["slow", "fast"]
+    with pytest.raises(InvalidParameter, match="it must be one label for each of 2 results"):
+        sd.plot_results(result, result, labels=["slow"])
+
+
 def test_a_table_without_times_is_refused(tmp_path):
     (tmp_path / "signals.csv").write_text("q.joint_1\n1\n")
     (tmp_path / "summary.json").write_text("{}")

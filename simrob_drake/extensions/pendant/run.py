@@ -224,9 +224,19 @@ class TaughtRun:
         self.rewound, self.shown = False, None
 
     def compare_last(self) -> None:
-        """Compare what comes next with the run that ended last, unless the user has chosen another one."""
-        if self.ended and self.compared in (None, self._compared_by_itself):
-            self.compared = self._compared_by_itself = self.ended[-1]
+        """Compare what comes next with the last run of the program, unless the user has chosen another one.
+
+        If the program has not run, it is the last move that was tested. A jog is never compared: it begins and ends
+        elsewhere, so that its ghost and its curves would say nothing.
+        """
+        if self.compared not in (None, self._compared_by_itself):
+            return
+        # The newest one first.
+        runs = list(reversed(self.ended))
+        played = [run for run in runs if run.kind == "program"]
+        tested = [run for run in runs if run.kind == "tried"]
+        for run in (played + tested)[:1]:
+            self.compared = self._compared_by_itself = run
 
     @property
     def ghost(self) -> EndedRun | None:

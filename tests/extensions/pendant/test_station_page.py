@@ -247,8 +247,10 @@ def test_a_block_of_a_joint_shows_its_signals_and_sliders_that_change_this_joint
         with user:
             sliders["servo.kp.joint_2"].value = 0.5
         user.find(kind=ui.slider).trigger("change")
-        await settled()
-        await settled()
+        for _ in range(50):  # the value is taken some time after the last press of a key
+            if session.drawn == 2:
+                break
+            await settled(0.1)
         gain = session.book.settings["servo.kp.joint_2"]
         assert gain == pytest.approx(1000 * 10**0.5, rel=2e-3)  # three digits
         gains = session.config.servo.kp

@@ -4,6 +4,7 @@ import asyncio
 import re
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
+from math import log10
 from typing import Any, NamedTuple
 
 from nicegui import ui
@@ -209,7 +210,8 @@ class FormView:
 
 _TUNED = ("kp", "ki", "kd", "torque_limit", "gravity", "static", "dynamic")
 """Last parts of the keys that have a slider where they hold one number."""
-_DECADES = 1.0  # that a slider goes to each side of the present figure
+_DECADES = 1.0  # that a slider goes to each side of its middle
+_STEP = 0.01  # of the slider, in decades
 _DIGITS = 3
 _PAUSE_OF_PRESSES = 0.4
 """Time after the last press of a key until a slider's value counts [s]."""
@@ -223,12 +225,15 @@ class Tuning(NamedTuple):
         value: the present value.
         unit: unit of the value.
         give: takes a new value, and returns what is wrong with it; an empty text if it was taken.
+        middle: value in the middle of the slider, which goes a decade to each side. If it is 0, or the value is beyond
+            this range, the value itself is in the middle.
     """
 
     name: str
     value: float
     unit: str
     give: Callable[[float], Awaitable[str]]
+    middle: float = 0.0
 
 
 def tunings(fields: Sequence[Field], give: Give) -> list[Tuning]:
@@ -250,10 +255,15 @@ def build_tuner(tuning: Tuning, t: Words) -> None:
 
     It acts when it is released, or by the arrow keys.
     """
-    value, give = tuning.value, tuning.give
+    give = tuning.give
+    # The range stays while the slider is built anew with another value: its thumb would jump back to the middle. At an
+    # end of the range the value comes to the middle, so that the user can go on.
+    middle = tuning.middle or tuning.value
+    if abs(log10(tuning.value / middle)) > _DECADES - _STEP / 2:
+        middle = tuning.value
     with ui.element("div").classes("pendant-tuner w-full"):
         ui.label(tuning.name).classes("text-sm w-32 shrink-0").style("overflow-wrap: anywhere")
-        slider = Slider(min=-_DECADES, max=_DECADES, step=0.01, value=0.0)
+        slider = Slider(min=-_DECADES, max=_DECADES, step=_STEP, value=log10(tuning.value / middle))
         slider.classes("grow").props(f'aria-label="{tuning.name}"')
         label = ui.label().classes("text-sm w-36 shrink-0")
     # The slider itself has the exponent of its value: screen readers read the text of the label instead.
@@ -261,7 +271,7 @@ def build_tuner(tuning: Tuning, t: Words) -> None:
     wrong = ui.label().classes("text-xs text-negative")
 
     def now() -> float:
-        return float(f"{value * 10 ** (slider.value or 0.0):.{_DIGITS}g}")
+        return float(f"{middle * 10 ** (slider.value or 0.0):.{_DIGITS}g}")
 
     def show() -> None:
         label.text = f"{number_in_language(f'{now():g}', t.language)} {tuning.unit}"

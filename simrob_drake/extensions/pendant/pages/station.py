@@ -82,6 +82,8 @@ class _Page:
         self._panels = own_tab_panels()
         self._asked = True
         self._content_of_block: _BlockContent | None = None  # None if no block is shown
+        # Values in the middle of the sliders of the chosen block, by the name of the slider: those at its first choice.
+        self._middles = dict[str, float]()
         self._plotted: list[str] = []  # signals of which the chosen block or line shows plots
         self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):
@@ -415,6 +417,8 @@ class _Page:
         if content == self._content_of_block:
             self._block_title.text = self._picture.labels.get(block, block)
             return
+        if self._content_of_block is None or content.block != self._content_of_block.block:
+            self._middles.clear()
         self._content_of_block = content
         self._build_block(content)
 
@@ -469,7 +473,8 @@ class _Page:
         if sliders and note:
             ui.label(note).classes("text-sm")
         for tuning in sliders:
-            build_tuner(tuning, t)
+            middle = self._middles.setdefault(tuning.name, tuning.value)
+            build_tuner(tuning._replace(middle=middle), t)
 
     def _axis_tuning(
         self, meaning: BlockMeaning, field: Field, axes: Sequence[str]
