@@ -10,7 +10,7 @@ from simrob_drake.base.extension import needed_extension
 from simrob_drake.base.folders import check_folder
 from simrob_drake.base.messages import compound, message, translate
 from simrob_drake.cli.arguments import refuse, station_from
-from simrob_drake.cli.options import Force, Settings, StationArgument, with_mesh_path
+from simrob_drake.cli.options import AllowCode, Force, Settings, StationArgument, with_mesh_path
 from simrob_drake.cli.screen import RESULT, console, errors, say_place, say_text, table
 from simrob_drake.cli.tables import AT_TIME, LARGEST_DIFFERENCE, in_units
 from simrob_drake.stations.config import StationConfig
@@ -52,6 +52,7 @@ def compare(
         ),
     ] = None,
     force: Force = False,
+    allow_code: AllowCode = False,
 ) -> None:
     """Hold a station's run against others: logged signals of the original, or other engines with error bars.
 
@@ -63,11 +64,12 @@ def compare(
 
         simrob compare irb120_dynamic --with logged.mat --map yout.1=q.joint_1
     """
+    config = station_from(station, set_, allow_code=allow_code)
     if with_ is not None:
-        _compare_with_log(station_from(station, set_), with_, map_ or [], out, force=force)
+        _compare_with_log(config, with_, map_ or [], out, force=force)
         return
     refuse(message("comparison.only_with_log", "it has an effect only with --with"), map=map_)
-    _compare_engines(station_from(station, set_), out, force=force)
+    _compare_engines(config, out, force=force)
 
 
 def _compare_engines(config: StationConfig, out: Path | None, *, force: bool) -> None:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from simrob_drake import load_station, simulate
 from simrob_drake.base import extras
+from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
 from simrob_drake.extensions.comparison.engines import (
     Account,
@@ -212,3 +213,23 @@ def test_engines_are_compared_while_the_program_of_a_station_is_done(turning: Pa
     found = compare_engines(load_station(turning))
     assert found.accounts[0].times[-1] == pytest.approx(0.3)
     assert "it does no programs of kinematic stations" in found.missing["MuJoCo"]
+
+
+def test_code_of_a_station_runs_only_if_that_is_allowed(tmp_path, capsys, monkeypatch):
+    compared = []
+    monkeypatch.setattr(
+        "simrob_drake.extensions.comparison.commands._compare_engines",
+        lambda config, out, *, force: compared.append(config.name),
+    )
+    file = tmp_path / "mine.yaml"
+    file.write_text(
+        "robot: {model: irb120}\nreference: {kind: hold}\ncontrollers:\n"
+        '  mine: {kind: own, class: "pydrake.systems.primitives:ConstantVectorSource", '
+        "parameters: {source_value: [0.5]}}\n"
+    )
+
+    assert run_command(["compare", str(file)]) == ExitCode.BAD_INPUT
+    assert "if you trust this code" in capsys.readouterr().err
+    assert run_command(["compare", str(file), "--allow-code"]) == ExitCode.DONE
+
+    assert compared == ["mine"]
