@@ -33,6 +33,9 @@ class Jogging:
         self._client, self._book, self._runner = client, book, runner
         self.ghosts: Sequence[dict[str, Any]] = ()
         self.shown_ghost: int | None = None
+        self._targets: dict[
+            str, float
+        ] = {}  # of the last jog of axes [deg or m]; empty after other jogs
         client.listen(lambda _: self.hide_ghosts() if self.ghosts else None, "description")
 
     def where(self, frame: str = "base") -> Future[Any]:
@@ -42,8 +45,15 @@ class Jogging:
     def jog_axes(
         self, targets_deg: Mapping[str, float], duration: float | None = None
     ) -> Future[Any]:
-        """Move axes to positions [deg or m]; of jogs that come while another runs the last is done."""
-        return self._runner.when_idle(lambda: self._runner.jog(plain(targets_deg), duration))
+        """Move axes to positions [deg or m]; of jogs that come while another runs the last is done.
+
+        Other axes of a jog of axes that still goes on keep their targets: a user who types two angles, one soon after
+        the other, wants both.
+        """
+        goes_on = self._client.phase == "running" and self._client.run.kind == "free"
+        unfinished = self._targets if goes_on else {}
+        self._targets = targets = {**unfinished, **plain(targets_deg)}
+        return self._runner.when_idle(lambda: self._runner.jog(targets, duration))
 
     def jog_tool(
         self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
@@ -53,6 +63,7 @@ class Jogging:
         The frame is ``base``, ``tool``, ``world`` or a work object; the move counts from ``start``, a pose in the base,
         or where the tool is.
         """
+        self._targets = {}
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
         return self._runner.when_idle(
             lambda: self._client.ask("jogged_axes", self._runner.jog, **by)
@@ -60,11 +71,13 @@ class Jogging:
 
     def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
         """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""
+        self._targets = {}
         to: dict[str, Any] = {"pose": plain(pose), "frame": frame}
         return self._runner.when_idle(lambda: self._client.ask("inverse", self._runner.jog, **to))
 
     def tool(self, name: str) -> Future[Any]:
         """Use another tool; targets taught then are of it, too."""
+        self._targets = {}
         return self._runner.when_idle(
             lambda: self._runner.run_free([self._book.checked({ToolMove.key: name})])
         )

@@ -128,9 +128,6 @@ class MoveRunner:
         """Begin with nothing run."""
         self._client, self._book, self.commands = client, book, Commands(client)
         self.cut: Callable[[float], bool] = lambda _: False
-        self._jogged: dict[
-            str, float
-        ] = {}  # targets of the last jog [deg or m], if nothing else ran freely since
         client.takes |= {
             "phase": lambda news: self.commands.set_phase(news["phase"]),
             "noted": lambda news: self._noted(news["change"]),
@@ -214,23 +211,15 @@ class MoveRunner:
 
     def run_free(self, moves: Sequence[Move]) -> Future[Any]:
         """Run what is neither stored nor waits to be."""
-        self._jogged = {}
         run = self._client.run
         run.moves.append([None] if run.rewound else [], run.start)
         run.moves.append(moves, run.start, free=True)
         return self._do("free", moves)
 
     def jog(self, targets_deg: Mapping[str, float], duration: float | None = None) -> Future[Any]:
-        """Move axes of an arm [deg or m] in a time [s], without storing it.
-
-        A jog that still goes on is replaced by this one. Its other axes keep their targets: a user who types two
-        angles one after the other wants both.
-        """
-        goes_on = self._client.phase == "running" and self._client.run.kind == "free"
-        others = self._jogged if goes_on else {}
-        self._jogged = {**others, **targets_deg}
+        """Move axes of an arm [deg or m] in a time [s], likewise."""
         self._client.run.moves.append([None], self._client.run.start, free=True)
-        return self._start("free", "jog", targets_deg=self._jogged, duration=duration)
+        return self._start("free", "jog", targets_deg=targets_deg, duration=duration)
 
     def _do(self, kind: Kind, moves: Sequence[Move], *came_to_nothing: Then) -> Future[Any]:
         """Run moves from where the robot is; those that take no time are followed by a moment, to be seen."""

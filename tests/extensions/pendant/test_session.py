@@ -1379,3 +1379,38 @@ def test_a_move_that_a_walk_overrules_is_refused_before_it_is_tried(teach):
 @pytest.mark.parametrize("name", ["humanoid_balance", "humanoid_fall_guard", "humanoid_sequencer"])
 def test_loops_that_do_not_always_set_the_reference_overrule_no_moves(teach, name):
     assert teach(name).book.overruling_loop() == ""
+
+
+def test_an_angle_typed_during_a_jog_leaves_the_targets_of_other_axes(teach):
+    """The second jog stopped the first one on its way, and its axis silently stayed there."""
+    session = teach("irb120")
+    session.worker.held = True
+
+    session.arm.jog_axes({"joint_1": -40})
+    session.hear()
+    session.arm.jog_axes({"joint_3": 30})
+    session.worker.finish("stopped")
+    session.hear()
+    session.worker.finish()
+    session.hear()
+    session.arm.jog_axes({"joint_5": 10})
+
+    asked = [arguments["targets_deg"] for _, arguments in session.worker.asked("jog")]
+    assert asked == [{"joint_1": -40}, {"joint_1": -40, "joint_3": 30}, {"joint_5": 10}]
+
+
+def test_a_jog_is_not_compared_with_what_comes_next(teach):
+    session = teach()
+    run = session.run
+    session.test(ELBOW)
+    session.hear()
+    session.add()
+    session.simulate()
+    session.hear()
+    session.arm.jog_axes({"left_elbow": 5})
+    session.hear()
+    assert [ended.kind for ended in run.ended] == ["tried", "program", "free"]
+
+    run.compare_last()
+
+    assert run.compared is run.ended[1]
