@@ -163,6 +163,23 @@ def running(subject: str | Path, folder: Path, *options: str) -> Iterator[Runnin
         pendant.stop()
 
 
+def choose_from_end(page, menu: str, number: int) -> None:
+    """Choose an option of a menu by its number from the end, 1 for the last; see `choose_option`."""
+    from playwright.sync_api import TimeoutError as NotShown
+    from playwright.sync_api import expect
+
+    option = page.get_by_role("option").nth(-number)
+    for _ in range(8):
+        page.get_by_role("combobox", name=menu, exact=True).click()
+        try:
+            option.click(timeout=5_000)
+        except NotShown:
+            continue
+        expect(page.get_by_role("listbox")).to_be_hidden()
+        return
+    raise AssertionError(f"the menu {menu} has no option {number} from its end")
+
+
 def choose_option(page, menu: str, option: str, *, within: str = "body") -> None:
     """Choose an option of a menu, and see it chosen.
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import yaml
 from playwright.sync_api import expect
-from running import ROOT, choose_option, running
+from running import ROOT, choose_from_end, choose_option, running
 
 from simrob_drake.extensions.pendant.server import leading_to
 
@@ -430,9 +430,8 @@ def test_two_runs_before_are_compared_with_a_ghost_in_the_view(page, alone):
         expect(button(page, "Stop")).to_be_disabled()
         page.keyboard.press("Alt+X") if angle < 0 else None
     page.get_by_text("Live plots", exact=True).click()
-    for choice, number in (("Look at a run before", 1), ("Compare with a run before", 2)):
-        page.get_by_role("combobox", name=choice).click()
-        page.get_by_role("option").nth(-number).click()
+    choose_from_end(page, "Look at a run before", 1)
+    choose_from_end(page, "Compare with a run before", 2)
     expect(page.get_by_text("run 1", exact=True)).to_be_visible()
     frame = page.frame_locator("#view-frame").locator("body")
     ghost = "viewer.scene_tree.find(['drake', 'compared']).object.children.length"
