@@ -751,7 +751,7 @@ def later(reference: Reference, time: float) -> Reference:
 
 
 def _shift(trajectory: Trajectory, time: float) -> Trajectory:
-    """Shift a trajectory so that `time` [s] becomes zero. The given trajectory stays as it is."""
+    """Return a trajectory that has at the time zero what the given one, which is not changed, has at `time` [s]."""
     if isinstance(trajectory, PiecewisePolynomial):
         # `shiftRight` changes the trajectory itself, which others may use: a copy is shifted.
         shifted = trajectory.Clone()

@@ -220,7 +220,7 @@ class _Making:
     def run(self) -> None:
         """Write all that can be, and try it; raises SimrobError: why not all could be."""
         anatomy, made, name = self._anatomy, self._made, self._robot.name
-        made.found += list(_described(anatomy))
+        made.found += list(_anatomy_texts(anatomy))
         examples, count = EXAMPLES[min(len(anatomy.legs), 4)], len(anatomy.legs)
         ways = [way for part in _BENT[count] if (way := self._standing(part)) is not None]
         if not ways:
@@ -242,7 +242,7 @@ class _Making:
         choices = product(_PARTS, (False, True), _STIFFER, ways[:_WAYS], examples)
         tried = [_Choice(way, of, by, part, quick) for part, quick, by, way, of in choices]
         walks, choice = self._slow_enough(*self._first(tried, TRIALS[3]))
-        made.assumed += list(_assumed(choice))
+        made.assumed += list(_assumption_texts(choice))
         if walks.result is not None:
             made.attempts += [attempt(self._work / WALK, trial) for trial in TRIALS[1:3]]
         made.attempts.append(walks)
@@ -401,8 +401,8 @@ class _Making:
         return self._work / name
 
 
-def _described(anatomy: Anatomy) -> Iterator[str]:
-    """Yield what was seen of the limbs, in words."""
+def _anatomy_texts(anatomy: Anatomy) -> Iterator[str]:
+    """Yield a text for each limb that was found in the tree, and one for the direction of the front."""
     for limb in anatomy.legs:
         axes = [f"{anatomy.names[axis]} ({anatomy.robot.axes[axis]})" for axis in limb.leg.axes]
         yield message(
@@ -462,8 +462,8 @@ def _soles_text(way: _Standing) -> str:
     )
 
 
-def _assumed(choice: _Choice) -> Iterator[str]:
-    """Yield what was made up, in words."""
+def _assumption_texts(choice: _Choice) -> Iterator[str]:
+    """Yield a text for each choice that the tree does not determine: posture, walk, servos, and changes of the walk."""
     (stance, _, build), example, stiffer, part, quick, slower = choice
     yield message("legged.posture", "posture: {how}", how=stance.how)
     yield message(

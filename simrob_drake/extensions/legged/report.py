@@ -101,7 +101,7 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
     except Exception as problem:  # one trial that fails, in whatever way, does not end the others
         return Attempt(trial, False, reason_of(problem))
     if result.ending == "diverged":
-        return Attempt(trial, False, _diverged(result), result=result)
+        return Attempt(trial, False, _divergence_text(result), result=result)
     found = locomotion(result)
     fastest = fastest_axis(result)
     lean = np.rad2deg(found.tilt)
@@ -140,7 +140,7 @@ def attempt(station: Path, trial: str, speed: float = 0.0) -> Attempt:
     )
 
 
-def _diverged(result: SimulationResult) -> str:
+def _divergence_text(result: SimulationResult) -> str:
     """Outcome of a trial whose simulation diverged."""
     return message("legged.diverged", "diverged at {time:.1f} s", time=result.stop_time)
 

@@ -33,9 +33,9 @@ class Jogging:
         self._client, self._book, self._runner = client, book, runner
         self.ghosts: Sequence[dict[str, Any]] = ()
         self.shown_ghost: int | None = None
-        self._targets: dict[
-            str, float
-        ] = {}  # of the last jog of axes [deg or m]; empty after other jogs
+        # The last jog of axes: its answer, which is there when it has ended, and its targets [deg or m].
+        self._last_jog: Future[Any] | None = None
+        self._targets = dict[str, float]()
         client.listen(lambda _: self.hide_ghosts() if self.ghosts else None, "description")
 
     def where(self, frame: str = "base") -> Future[Any]:
@@ -50,10 +50,12 @@ class Jogging:
         Other axes of a jog of axes that still goes on keep their targets: a user who types two angles, one soon after
         the other, wants both.
         """
-        goes_on = self._client.phase == "running" and self._client.run.kind == "free"
+        goes_on = self._last_jog is not None and not self._last_jog.done()
         unfinished = self._targets if goes_on else {}
-        self._targets = targets = {**unfinished, **plain(targets_deg)}
-        return self._runner.when_idle(lambda: self._runner.jog(targets, duration))
+        targets = {**unfinished, **plain(targets_deg)}
+        self._targets = targets
+        self._last_jog = self._runner.when_idle(lambda: self._runner.jog(targets, duration))
+        return self._last_jog
 
     def jog_tool(
         self, delta: Sequence[float], frame: str = "base", *, start: Sequence[float] | None = None
@@ -63,7 +65,6 @@ class Jogging:
         The frame is ``base``, ``tool``, ``world`` or a work object; the move counts from ``start``, a pose in the base,
         or where the tool is.
         """
-        self._targets = {}
         by: dict[str, Any] = {"delta": plain(delta), "frame": frame, "start": plain(start)}
         return self._runner.when_idle(
             lambda: self._client.ask("jogged_axes", self._runner.jog, **by)
@@ -71,13 +72,11 @@ class Jogging:
 
     def jog_pose(self, pose: Sequence[float], frame: str = "base") -> Future[Any]:
         """Move the tool to a pose [x y z Rz Ry Rx], m and degrees, in a frame, by the nearest posture."""
-        self._targets = {}
         to: dict[str, Any] = {"pose": plain(pose), "frame": frame}
         return self._runner.when_idle(lambda: self._client.ask("inverse", self._runner.jog, **to))
 
     def tool(self, name: str) -> Future[Any]:
         """Use another tool; targets taught then are of it, too."""
-        self._targets = {}
         return self._runner.when_idle(
             lambda: self._runner.run_free([self._book.checked({ToolMove.key: name})])
         )
