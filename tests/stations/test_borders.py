@@ -179,6 +179,23 @@ pieces: {part: {mesh: box.obj, scale: 1, parent: world}}
     assert (tmp_path / "files" / "pieces" / "part" / "box.obj").is_file()
 
 
+def test_a_mesh_that_was_deleted_is_not_copied(places, tmp_path):
+    own, _ = places
+    (own / "box.obj").write_text(BOX)
+    (own / "other.obj").write_text(BOX)
+    text = """robot: {urdf: arm.urdf}
+reference: {kind: table, file: table.csv}
+pieces: {part: {mesh: other.obj, scale: 1, parent: world}}
+"""
+    config = load_station(station(own, text))
+    (own / "other.obj").unlink()
+
+    copied = with_copied_files(config, tmp_path)
+
+    assert copied.pieces["part"].mesh == own / "other.obj"
+    assert copied.reference.file == Path("files/reference/table.csv")
+
+
 def test_a_station_carries_what_it_names(places, tmp_path):
     own, other = places
     (own / "arm.urdf").write_text(URDF.format(mesh=other / "box.obj"))

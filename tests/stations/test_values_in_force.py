@@ -36,6 +36,20 @@ def test_with_another_mass_the_inertia_of_the_piece_file_stays() -> None:
     assert values["pieces.gripper.com"].origin == "piece"
 
 
+def test_with_another_mass_nothing_is_computed_beside_a_stated_inertia(tmp_path) -> None:
+    """The file states the inertia alone, so the centre of mass stays where the file has it by default."""
+    piece = tmp_path / "part.yaml"
+    piece.write_text("mass: 1\ninertia: [1, 1, 1, 0, 0, 0]\nshapes: [{box: [0.1, 0.1, 0.1]}]\n")
+    content = {
+        "robot": {"model": "irb120"},
+        "pieces": {"part": {"model": str(piece), "mass": 2.0, "parent": "world"}},
+    }
+
+    values = values_in_force(load_station(content, mesh_path=[tmp_path]))
+
+    assert values["pieces.part.com"].origin == "piece"
+
+
 def test_with_another_mass_shapes_give_the_inertia_that_the_file_does_not_state() -> None:
     """The file of the cube states neither its centre of mass nor its inertia."""
     values = found("irb120_gripper", {"pieces.cube_1.mass": 2.0})
