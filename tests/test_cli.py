@@ -244,7 +244,7 @@ def test_check_refuses_to_show_all_axes_of_what_is_no_station(subject, tmp_path,
 
     assert run_command(["check", argument, "--all"]) == ExitCode.BAD_INPUT
 
-    assert capsys.readouterr().err.startswith("simrob: --all: this is a")
+    assert capsys.readouterr().err.startswith("simrob: --all: this is ")
 
 
 def test_check_tells_what_an_arm_can_carry(capsys):

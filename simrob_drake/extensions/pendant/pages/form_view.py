@@ -250,43 +250,79 @@ def is_tuned(key: str) -> bool:
     return key.rpartition(".")[2] in _TUNED
 
 
-def build_tuner(tuning: Tuning, t: Words) -> None:
-    """Build the slider of a number, whose value is written in a language.
+class Tuner:
+    """The slider of a number, whose value is written in a language. It acts when it is released, or by the arrow keys.
 
-    It acts when it is released, or by the arrow keys.
+    Attributes:
+        tuning: the number as the slider was built for it.
     """
-    give = tuning.give
-    # The range stays while the slider is built anew with another value: its thumb would jump back to the middle. At an
-    # end of the range the value comes to the middle, so that the user can go on.
-    middle = tuning.middle or tuning.value
-    if abs(log10(tuning.value / middle)) > _DECADES - _STEP / 2:
-        middle = tuning.value
-    with ui.element("div").classes("pendant-tuner w-full"):
-        ui.label(tuning.name).classes("text-sm w-32 shrink-0").style("overflow-wrap: anywhere")
-        slider = Slider(min=-_DECADES, max=_DECADES, step=_STEP, value=log10(tuning.value / middle))
-        slider.classes("grow").props(f'aria-label="{tuning.name}"')
-        label = ui.label().classes("text-sm w-36 shrink-0")
-    # The slider itself has the exponent of its value: screen readers read the text of the label instead.
-    name_value_text(slider, label)
-    wrong = ui.label().classes("text-xs text-negative")
 
-    def now() -> float:
-        return float(f"{middle * 10 ** (slider.value or 0.0):.{_DIGITS}g}")
+    def __init__(self, tuning: Tuning, t: Words) -> None:
+        """Build the slider, its value in words, and a line for what is wrong with it."""
+        self.tuning = tuning
+        self._t = t
+        # The range stays while the slider is built anew with another value: its thumb would jump back to the middle. At
+        # an end of the range the value comes to the middle, so that the user can go on.
+        self._middle = tuning.middle or tuning.value
+        if not self._is_inside(tuning.value):
+            self._middle = tuning.value
+        # What the station has by now or will have: values that were given, the last one at the end.
+        self._expected = [tuning.value]
+        self._presses = 0
+        self._is_giving = False
+        with ui.element("div").classes("pendant-tuner w-full"):
+            ui.label(tuning.name).classes("text-sm w-32 shrink-0").style("overflow-wrap: anywhere")
+            exponent = log10(tuning.value / self._middle)
+            self._slider = Slider(min=-_DECADES, max=_DECADES, step=_STEP, value=exponent)
+            self._slider.classes("grow").props(f'aria-label="{tuning.name}"')
+            self._label = ui.label().classes("text-sm w-36 shrink-0")
+        # The slider itself has the exponent of its value: screen readers read the text of the label instead.
+        name_value_text(self._slider, self._label)
+        self._wrong = ui.label().classes("text-xs text-negative")
+        self._slider.on_value_change(lambda: self._show(self._slider.value))
+        self._slider.on("change", lambda event: self._give_after_pause(event.args))
+        self._show(exponent)
 
-    def show() -> None:
-        label.text = f"{number_in_language(f'{now():g}', t.language)} {tuning.unit}"
+    def holds(self, tuning: Tuning) -> bool:
+        """Check whether the slider may stay for a number as it is now.
 
-    last_press = 0
+        It may while the user moves it: built anew it would lose the keys that are pressed in between. It may if the
+        station has a value that it gave, even one before the last: the station is drawn some time after it was changed.
+        """
+        kept = self.tuning
+        if (tuning.name, tuning.unit, tuning.middle) != (kept.name, kept.unit, kept.middle):
+            return False
+        if tuning.value in self._expected:
+            del self._expected[: self._expected.index(tuning.value)]
+            return self._is_giving or self._is_inside(tuning.value)
+        return self._is_giving
 
-    async def give_after_pause() -> None:
-        """Give the value, unless another press of a key follows soon: each change loads the station anew."""
-        nonlocal last_press
-        last_press += 1
-        this_press = last_press
+    def _is_inside(self, value: float) -> bool:
+        """Check whether a value is within the range of the slider, not at an end."""
+        return abs(log10(value / self._middle)) <= _DECADES - _STEP / 2
+
+    def _value_at(self, exponent: float | None) -> float:
+        """Value of the number where the slider is at an exponent. None, which a browser may send, counts as 0."""
+        return float(f"{self._middle * 10 ** (exponent or 0.0):.{_DIGITS}g}")
+
+    def _show(self, exponent: float | None) -> None:
+        """Write the value of the number where the slider is at an exponent."""
+        number = number_in_language(f"{self._value_at(exponent):g}", self._t.language)
+        self._label.text = f"{number} {self.tuning.unit}"
+
+    async def _give_after_pause(self, exponent: float | None) -> None:
+        """Give the value, unless another press of a key follows soon: each change loads the station anew.
+
+        The exponent comes with the press. The slider's own value arrives by another way, at times long after it.
+        """
+        self._presses += 1
+        this_press = self._presses
+        self._is_giving = True
         await asyncio.sleep(_PAUSE_OF_PRESSES)
-        if this_press == last_press:
-            wrong.text = await give(now())
-
-    slider.on_value_change(show)
-    slider.on("change", give_after_pause, args=[])
-    show()
+        if this_press != self._presses:
+            return
+        given = self._value_at(exponent)
+        self._expected.append(given)
+        self._wrong.text = await self.tuning.give(given)
+        if this_press == self._presses:
+            self._is_giving = False

@@ -22,8 +22,8 @@ from simrob_drake.extensions.pendant.pages.block_picture import BlockPicture
 from simrob_drake.extensions.pendant.pages.elements import card, follow, own_tab_panels
 from simrob_drake.extensions.pendant.pages.form_view import (
     FormView,
+    Tuner,
     Tuning,
-    build_tuner,
     is_tuned,
     tunings,
 )
@@ -84,6 +84,7 @@ class _Page:
         self._content_of_block: _BlockContent | None = None  # None if no block is shown
         # Values in the middle of the sliders of the chosen block, by the name of the slider: those at its first choice.
         self._middles = dict[str, float]()
+        self._tuners: list[Tuner] = []  # the sliders of the chosen block
         self._plotted: list[str] = []  # signals of which the chosen block or line shows plots
         self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
         with card(t("station.blocks"), about=t("station.blocks_help")):
@@ -412,15 +413,16 @@ class _Page:
                 ui.label(self._t("station.choose_block")).classes("opacity-70")
             return
         content = self._find_content(block)
-        # The picture is drawn anew some time after a value was changed. A slider that is built anew then would lose the
-        # keys that are pressed in between.
         if content == self._content_of_block:
             self._block_title.text = self._picture.labels.get(block, block)
             return
-        if self._content_of_block is None or content.block != self._content_of_block.block:
-            self._middles.clear()
+        before = self._content_of_block
         self._content_of_block = content
-        self._build_block(content)
+        if before is None or content.block != before.block:
+            self._middles.clear()
+            self._tuners = []
+            self._build_block()
+        self._fill_block(content)
 
     def _find_content(self, block: str) -> "_BlockContent":
         """Find what is shown of a block."""
@@ -441,40 +443,59 @@ class _Page:
             columns={name: tuple(self._columns[name]) for name in meaning.signals},
         )
 
-    def _build_block(self, content: "_BlockContent") -> None:
-        """Build the parameters and the signals of a block in place of what was shown before."""
-        self._plotted = []
+    def _build_block(self) -> None:
+        """Make places for the parameters and the signals of a block instead of what was shown before."""
         self._block.clear()
         with self._block:
+            self._block_head = ui.column().classes("w-full gap-2")
+            self._block_sliders = ui.column().classes("w-full gap-2")
+            self._block_rest = ui.column().classes("w-full gap-2")
+
+    def _fill_block(self, content: "_BlockContent") -> None:
+        """Show the parameters and the signals of a block."""
+        self._plotted = []
+        self._block_head.clear()
+        with self._block_head:
             title = self._picture.labels.get(content.block, content.block)
             self._block_title = ui.label(title).classes("font-bold whitespace-pre-line")
             for change in content.changes:
                 ui.label(change).classes("text-sm block-change")
             self._scopes(content.meaning)
-            self._tuners(content.meaning, content.fields)
+        self._fill_sliders(content.meaning, content.fields)
+        self._block_rest.clear()
+        with self._block_rest:
             is_open = len(content.fields) <= _FEW
             with ui.expansion(self._t("station.parameters"), value=is_open).classes("w-full"):
                 FormView(self._t, self._give).show(content.fields)
             self._build_wires(content.wires)
 
-    def _tuners(self, meaning: BlockMeaning, fields: Sequence[Field]) -> None:
-        """Build the sliders of a block: those of a joint change this joint alone, and say so."""
-        t, axes = self._t, self._axes_of(meaning.robot)
+    def _fill_sliders(self, meaning: BlockMeaning, fields: Sequence[Field]) -> None:
+        """Build the sliders of a block, unless those that stand there will do.
+
+        Those of a joint change this joint alone, and say so.
+        """
+        axes = self._axes_of(meaning.robot)
         if meaning.axis in axes:
-            sliders = [
-                tuning
-                for field in fields
-                if (tuning := self._axis_tuning(meaning, field, axes)) is not None
-            ]
-            note = t("station.tunes_one", axis=meaning.axis)
+            tuned = [self._axis_tuning(meaning, field, axes) for field in fields]
+            sliders = [tuning for tuning in tuned if tuning is not None]
+            note = self._t("station.tunes_one", axis=meaning.axis)
         else:
             sliders = tunings(fields, self._give)
-            note = t("station.tunes_all") if meaning.axis == ALL_AXES else ""
-        if sliders and note:
-            ui.label(note).classes("text-sm")
-        for tuning in sliders:
-            middle = self._middles.setdefault(tuning.name, tuning.value)
-            build_tuner(tuning._replace(middle=middle), t)
+            note = self._t("station.tunes_all") if meaning.axis == ALL_AXES else ""
+        sliders = [
+            tuning._replace(middle=self._middles.setdefault(tuning.name, tuning.value))
+            for tuning in sliders
+        ]
+        stand = len(self._tuners) == len(sliders) and all(
+            tuner.holds(tuning) for tuner, tuning in zip(self._tuners, sliders, strict=True)
+        )
+        if stand:
+            return
+        self._block_sliders.clear()
+        with self._block_sliders:
+            if sliders and note:
+                ui.label(note).classes("text-sm")
+            self._tuners = [Tuner(tuning, self._t) for tuning in sliders]
 
     def _axis_tuning(
         self, meaning: BlockMeaning, field: Field, axes: Sequence[str]
