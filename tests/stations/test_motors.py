@@ -250,6 +250,28 @@ def test_peaks_and_heat_are_told(joint: Path) -> None:
     assert values["rated_time"] == pytest.approx(time_above_rated / duration, rel=0.05)
 
 
+def test_a_motor_cools_as_well_as_it_warms(joint: Path) -> None:
+    """The heat is the convolution of (τ / τ_r)² with exp(-t / T) / T; here T is as short as the motion."""
+    warming_time = 0.2  # T [s]
+    motor = {**FIGURES, "thermal_time": warming_time}
+    result = simulate(load_station(joint, {"servo.motor": motor, "solver": RADAU}))
+    load = (result.axes("tau")[:, 0] / RATED) ** 2
+    heat = np.array(
+        [
+            np.trapezoid(
+                load[: row + 1] * np.exp((result.times[: row + 1] - now) / warming_time),
+                result.times[: row + 1],
+            )
+            / warming_time
+            for row, now in enumerate(result.times)
+        ]
+    )
+
+    figures = summary_of(result, result.verdict)["verdict"]["figures"]
+
+    assert figures["heat"]["value"] == pytest.approx(heat.max(), rel=0.02)
+
+
 def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
     config = load_station(
         joint, {"gravity": 9.8, "robot.base": [0, 0, 1, 0, 0, 1.5707963], "servo.motor": "mx_28"}
