@@ -42,7 +42,7 @@ from simrob_drake.base.renaming import former_argument
 from simrob_drake.base.sections import validate_section
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
 from simrob_drake.importer.importer import SceneRequest, find_station_importer
-from simrob_drake.importer.robot_files import is_robot_file
+from simrob_drake.importer.robot_files import CORE_SUFFIXES, is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import NAME_OF_ONLY_ROBOT, StationConfig
 from simrob_drake.stations.file_paths import program_with_absolute_paths, with_absolute_paths
@@ -612,6 +612,14 @@ def _station_file(name_or_path: str | Path) -> Path:
             "stations.is_a_folder",
             "is a folder, but a station is given by its name or a YAML file{hint}",
             hint=hint,
+        )
+        raise InvalidConfig(path, "", problem)
+    if isfile(path) and path.suffix.lower() in CORE_SUFFIXES:
+        problem = message(
+            "stations.is_a_robot_file",
+            "is the file of a robot, but a station is given by its name or a YAML file; simrob station {file} writes "
+            "one",
+            file=path,
         )
         raise InvalidConfig(path, "", problem)
     if not is_yaml_name(path):
