@@ -284,7 +284,8 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
         shape: a collision or visual geometry that is a mesh.
 
     Raises:
-        UnreadableMesh: the mesh has no file, or the file contains no triangles.
+        UnreadableMesh: the mesh has no file, or the file is too large, damaged, in a format that is not read, or
+            contains no triangles.
         OSError: the file does not exist any more.
     """
     mesh = inspector.GetShape(shape)
