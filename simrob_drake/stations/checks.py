@@ -380,7 +380,10 @@ def _holding_findings(
     robot: StationRobot,
     reference: Reference | None,
 ) -> list[Finding]:
-    """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
+    """Predict torques of a robot along its reference, its sag at the end, and its payload.
+
+    Returns only a note if the robot has no reference.
+    """
     if reference is None:
         text = message(
             "stations.controller_decides",

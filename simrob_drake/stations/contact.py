@@ -436,7 +436,7 @@ def with_friction(
         weights[list(axes)] = 1.0
     if not (weights * robot.model.friction).any():
         return torque
-    # The speed above which friction is constant, as in the robot's file.
+    # The speed above which friction is constant: that of the robot's drives.
     speeds = np.full(count, robot.model.drives.friction_speed)
     friction = _sliding(builder, ports, robot, speeds)
     if not weights.all():
