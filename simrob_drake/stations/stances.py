@@ -240,8 +240,9 @@ class Stances:
     ) -> Iterator[Stance]:
         """Examine a stance: record its margin and the reasons against it, and yield it if there are no such reasons.
 
-        Links that overlap are turned apart first, by axes that do not belong to the legs. The stance after that is
-        examined and yielded. Overlaps that remain are no reason against it.
+        Links that overlap are turned apart first, by axes that do not belong to the legs. Coupled axes (followers) then go
+        where their leaders take them. The stance after that is examined and yielded. Overlaps that remain are no reason
+        against it.
 
         Args:
             stance: the stance to be examined.
@@ -252,12 +253,15 @@ class Stances:
         Yields:
             the stance once, or nothing.
         """
+        model = self._robot.model
         leg_axes = {axis for leg in legs for axis in leg.axes}
-        # The legs have been balanced already, so that their axes stay.
-        movable = set(range(len(self._home))) - leg_axes
+        followers = {model.axis_index(name) for name in model.followers}
+        # The legs have been balanced already, so that their axes stay. Followers go where their leaders take them.
+        movable = set(range(len(self._home))) - leg_axes - followers
         posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, movable)
         how = stance.how
         if not np.array_equal(posture, stance.posture):
+            posture = model.with_followers(posture)
             how = message(
                 "stations.turned_apart",
                 "{stance}, with some links turned apart",
