@@ -240,9 +240,9 @@ class Stances:
     ) -> Iterator[Stance]:
         """Examine a stance: record its margin and the reasons against it, and yield it if there are no such reasons.
 
-        Links that overlap are turned apart first, by axes that do not belong to the legs. Coupled axes (followers) then go
-        where their leaders take them. The stance after that is examined and yielded. Overlaps that remain are no reason
-        against it.
+        Links that overlap are turned apart first, by axes that do not belong to the legs. Coupled axes (followers) then
+        go where their leaders take them. The stance after that is examined and yielded. Overlaps that remain are no
+        reason against it.
 
         Args:
             stance: the stance to be examined.
