@@ -361,7 +361,8 @@ def station_references(
 ) -> dict[str, Reference]:
     """Determine the reference of each robot, by the robot's name.
 
-    Coupled axes for which no reference is requested follow the axes to which they are coupled.
+    Coupled axes to which neither the requested references nor those of the configuration give a value of their own
+    follow the axes to which they are coupled, see `obey_couplings`.
 
     Args:
         station: the station.

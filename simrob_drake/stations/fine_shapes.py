@@ -206,7 +206,7 @@ class FineShapes:
         inspector: SceneGraphInspector,
         shape: GeometryId,
     ) -> list[PosedShape] | None:
-        """Convex parts of a shape as `_cut` returns them, which are kept after the first call."""
+        """Convex parts of a shape, or None, as `_cut` returns them. They are kept after the first call."""
         if shape not in self._parts:
             self._parts[shape] = self._cut(inspector, shape)
         return self._parts[shape]
