@@ -88,7 +88,8 @@ _ROBOTS: FileCache[RobotModel] = FileCache(size=32)
 def resolve(config: StationConfig) -> ResolvedStation:
     """Read the robots and pieces of a station, and check that its keys fit them.
 
-    The result for a configuration object is kept, and returned again until one of the station's files changes.
+    The results for the last configuration objects are kept, and returned again until one of the station's files
+    changes.
 
     Args:
         config: the station. An equal configuration that is another object is resolved anew.
