@@ -154,7 +154,8 @@ def add_contact_points(
 
     Free pieces get balls, and so do robots that float: only their feet if they have feet, otherwise all their links,
     and the pieces that they carry. If there are any of these, the bodies on which they can lie and between which they
-    can be held get balls, too: the other pieces, and the fingers of the other robots. Only flat shapes get balls.
+    can be held get balls, too: the other pieces, and the fingers of robots that do not float. Only flat shapes get
+    balls.
 
     Args:
         plant: the plant with all robots and pieces, not finalized.

@@ -126,7 +126,7 @@ def _urdf_doubts(path: Path, state: FileState | None) -> tuple[Doubt, ...]:
 def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
     """Yield a doubt for each shape of a piece that is implausibly large or small.
 
-    A shape of which one length is at most _PLATE counts as a plate, and may be of any size: it may serve as ground.
+    A shape of which one length is at most _PLATE counts as a plate, which is never too large: it may serve as ground.
     """
     key = f"pieces.{piece.name}"
     for shape in piece.model.shapes:
