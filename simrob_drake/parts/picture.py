@@ -40,7 +40,8 @@ class PictureLabels:
     ) -> None:
         """Label the block of the picture in which a system stands.
 
-        Systems whose names begin with the system's name and a dot stand in the same block.
+        Systems whose names begin with the system's name and a dot stand in the same block, unless a longer part of
+        their names has a label of its own.
 
         Args:
             name: name of the system.

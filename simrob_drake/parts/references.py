@@ -493,7 +493,7 @@ class Table(ReferenceSection):
 
         Raises:
             InvalidConfig: the file cannot be read, lacks a column, contains a value that is no number, has times that
-                do not rise, or has too many rows.
+                do not rise, or has fewer than two rows or too many.
         """
         # Columns with speeds are only read if they are used.
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes

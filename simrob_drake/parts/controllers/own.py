@@ -49,8 +49,8 @@ def declare_output(
 ) -> None:
     """Declare an output of a controller, ``<controller>.<output>``, with its result columns and its plot.
 
-    An output with as many values as a robot has axes gets columns named after the axes. Otherwise they are numbered
-    from 0, or a single value has the output's name.
+    A single value has the output's name. Several values, as many as a robot has axes, get columns named after the axes.
+    Otherwise the columns are numbered from 0.
 
     Args:
         site: the station under construction.
@@ -243,7 +243,8 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
             no identifier, the name of its class, such as ``my_block`` for ``MyBlock``.
 
     Raises:
-        InvalidParameter: a block is not a LeafSystem or is given twice, or a name is no identifier or is given twice.
+        InvalidParameter: ``blocks`` is neither a mapping nor a list, a block is not a LeafSystem or is given twice, or
+            a name is no identifier or is given twice.
     """
     if isinstance(blocks, Mapping):
         pairs = list(blocks.items())

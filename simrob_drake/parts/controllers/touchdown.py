@@ -290,8 +290,8 @@ class UnknownGround(SampledBlock):
     ) -> None:
         """Apply only the torques from the moment of an early touch to a leg, until it follows the reference again.
 
-        A leg that did not touch early is not changed. The result is written to the new memory. With the reference at
-        the measured position, the servos themselves apply nothing but their damping.
+        A leg that touched as planned is not changed. A leg that follows the reference has its stored torques cleared.
+        With the reference at the measured position, the servos themselves apply nothing but their damping.
 
         Args:
             new: vectors of the new memory, by name, which are changed.
@@ -300,7 +300,8 @@ class UnknownGround(SampledBlock):
             velocity: velocity of the plan, shape (n,) [rad/s].
             follows: whether the leg follows the reference.
         """
-        # If the stored torques are all 0, the leg touched as planned, not early: then it stands with its offset.
+        # The torques are stored at an early touch, and cleared while the leg follows. So they are all 0 if the leg
+        # touched as planned: then it stands with its offset.
         if follows:
             new["torques"][leg] = 0.0
         elif new["torques"][leg].any():
