@@ -372,7 +372,8 @@ def add_imu(
 
     Raises:
         UnknownName: there is no such frame.
-        InvalidParameter: the rate, a noise or the seed is invalid, or several frames have the name.
+        InvalidParameter: the rate is invalid, or several frames have the name.
+        InvalidConfig: a noise, a bias or the seed is invalid.
         SimrobError: the plant is not finalized, or not in the builder.
     """
     _check_plant(builder, plant)

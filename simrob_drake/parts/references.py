@@ -465,7 +465,8 @@ class Table(ReferenceSection):
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Create the trajectory, shape (n, 1) [rad or m].
 
-        It begins at the posture of the first row of the table; the positions at the start have no effect.
+        Up to the time of the first row of the table, it is at the posture of this row. The positions at the start have
+        no effect.
 
         Raises:
             InvalidConfig: the file cannot be read, or its content is wrong.

@@ -107,7 +107,10 @@ class ForceControl(LoopSection):
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
         # Force and direction have the axes of the frame that the sensor's section names, if it names one.
-        sensor = site.station.sensors.get(self.reads["force"])
+        # The section may write the name of the sensor, or that of its output: ``tip`` or ``force.tip``.
+        sensors = site.station.sensors
+        source = self.reads["force"]
+        sensor = sensors.get(source, sensors.get(source.removeprefix("force.")))
         # An output that is no sensor, such as that of a block of the user's own, has the axes of the world.
         sensor_frame = frame_of(site.plant, getattr(sensor, "frame", WORLD))
         return PressingTool(

@@ -493,6 +493,8 @@ class WalkingLoop(SampledBlock):
     def command_by_hand(self, context: Context, values: Sequence[float]) -> None:
         """Command the walk from the next sample on. Neither the section nor a port commands it any more in this run.
 
+        The sample at the time 0 discards a command that is given before it.
+
         Args:
             context: context of the block, which is changed.
             values: speeds ahead and to the left [m/s], and turn [rad/s].

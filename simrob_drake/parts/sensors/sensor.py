@@ -1,8 +1,8 @@
 """Base classes of sensors, and the replay of sensors after a run.
 
 A sensor that something in the station reads is a block of the diagram, and takes its samples while the station is
-stepped. Any other sensor would only cost the solver time, so its samples are computed after the run from the recorded
-states: its block is replayed outside of the diagram.
+stepped. Any other sensor would only cost the solver time, so its values are computed after the run from the recorded
+states. For this, the block of a sampled sensor is *replayed* outside of the diagram: it takes all samples of the run.
 """
 
 from abc import ABC, abstractmethod
@@ -200,7 +200,8 @@ class SampledSensor(Sensor):
     ) -> None:
         """Add the sensor's block to the diagram, or arrange that it is replayed after the run; declare its outputs.
 
-        Each output port of the block becomes the station's output ``<port>.<sensor>``.
+        Each output port of the block becomes the station's output ``<port>.<sensor>``. It is a port only if the block
+        is in the diagram, and otherwise a function that computes the values after the run.
 
         Args:
             builder: builder of the diagram.
