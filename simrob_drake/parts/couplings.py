@@ -1,7 +1,7 @@
 r"""The kinds of couplings that a station file can name: gears, ball joints, rods, welds, hinges and springs.
 
 A coupling holds two bodies or several axes together in addition to the joints of the robots. Bodies are links or
-tools of robots, pieces, or the world; axes are the joints of robots that motors move.
+tools of robots, pieces, or the world; axes are the joints of robots, with or without a motor.
 
 A soft spring is a force. Drake's discrete solvers hold the other couplings as constraints. An implicit continuous
 scheme holds gears, welds and hinges, but no ball joints and rods, by a spring and a damper. They are so stiff that what

@@ -62,6 +62,9 @@ class PictureLabels:
         )
 
     def draw_nothing(self, *names: str) -> None:
-        """Declare systems as wiring, which is drawn as a part of the arrows."""
+        """Declare systems as wiring, which is drawn as a part of the arrows.
+
+        Systems whose names begin with one of these names and a dot are wiring, too, unless they have a label.
+        """
         # None for each name: the picture draws lines through such systems, and no blocks.
         self.drawn.update(dict.fromkeys(names))

@@ -184,7 +184,7 @@ class Terrain(Strict):
             The heights, the nearest row first and each row from right to left, shape (rows, columns) [m].
 
         Raises:
-            InvalidConfig: the file is no table or picture, or the picture has too many pixels.
+            InvalidConfig: the file cannot be read as a table or picture, or the picture has too many pixels.
         """
         assert self.file is not None  # a grid has one
         if self.file.suffix.lower() != ".png":
