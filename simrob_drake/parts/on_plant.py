@@ -96,7 +96,8 @@ def add_joint_servos(
     Args:
         builder: builder of the diagram that contains the plant.
         plant: the plant, finalized.
-        joints: names of the joints; None means all joints of the model instance that turn or slide about one axis.
+        joints: names of the joints; None means all joints that turn or slide about one axis, of `model_instance` if it
+            is given.
         kp: stiffness [N·m/rad].
         kd: damping [N·m·s/rad].
         ki: integral gain [N·m/(rad·s)].
@@ -225,7 +226,7 @@ def add_joint_limit_monitor(
     Args:
         builder: builder of the diagram that contains the plant.
         plant: the plant, finalized.
-        joints: names of the joints; None means all joints of the model instance with one axis.
+        joints: names of the joints; None means all joints with one axis, of `model_instance` if it is given.
         margin: distance before a limit at which the run ends [rad or m].
         model_instance: model instance of the joints. It may be None if only one has joints of these names.
         hold: how long a joint must be there [s].
