@@ -416,8 +416,8 @@ class WalkingLoop(SampledBlock):
             measured; ``offset_velocity`` (n) [rad/s]: velocity of the target; ``capture`` (2): divergent component from
             the stance foot, ahead and to the left [m]; ``foot`` (1): the stance foot, or group of feet, 0 for the right
             one, 1 for the left one; ``command`` (3): command of the walk, ahead and to the left [m/s], turn [rad/s];
-            ``clipped`` (1): 1 while more was commanded than the legs can follow; ``blind`` (1): 1 while one of the first four inputs, the measured motion, is not finite. The
-            walk then continues as planned.
+            ``clipped`` (1): 1 while more was commanded than the legs can follow; ``blind`` (1): 1
+            while one of the first four inputs, the measured motion, is not finite. The walk then continues as planned.
     """
 
     units = MappingProxyType(
