@@ -219,8 +219,7 @@ def place_of(plant: StationPlant, place: str) -> ForcePoint:
     """Find the point at which a force acts on a robot, tool, link or piece, by its name.
 
     On a robot it is the centre of mass of the root link, with all links and pieces that are fixed to it, and the frame
-    is that of the root link. Otherwise it is the
-    origin of the frame of the tool, link or piece.
+    is that of the root link. Otherwise it is the origin of the frame of the tool, link or piece.
     """
     if place not in plant.robots:
         return ForcePoint(frame_of(plant, place), np.zeros(3))

@@ -53,7 +53,7 @@ class StationRobot(ResolvedRobot):
         return AxisMap.of_joints(self.plant, self.joints, signs)
 
     def free_inertias(self, context: Context | None = None) -> Vector:
-        r"""Compute the inertia that each axis feels if all other axes move freely.
+        r"""Compute the inertia that each axis feels if all else moves freely: all other axes, and a base that floats.
 
         It is :math:`1 / (M^{-1})_{ii}` with the plant's mass matrix M: a torque at axis i alone accelerates it by
         :math:`\ddot q_i = (M^{-1})_{ii} \tau_i`.

@@ -252,9 +252,9 @@ class Terrain(Strict):
         return [replace(box, pose=heading @ box.pose) for box in boxes]
 
     def _boxes_around(self, floor: float, end: float, side: float) -> list[TerrainBox]:
-        """Create the level ground around the field, the soft patch, and the ground of the field between its boxes.
+        """Create the level ground around the field, the soft patch, and the ground of the field under its other boxes.
 
-        Steps and grids have no such ground, since their tiles cover the field.
+        Steps and grids have no ground under their tiles, which cover the field.
 
         Args:
             floor: side of the square floor [m].

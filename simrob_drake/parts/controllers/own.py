@@ -318,7 +318,7 @@ def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
         The name of the first block that has an output, by the name of the output.
 
     Raises:
-        InvalidParameter: two blocks have an output with the same name of such an input.
+        InvalidParameter: two blocks have outputs of the same name, which is that of such an input.
     """
     owners: dict[str, str] = {}
     for name, block in blocks.items():
@@ -370,7 +370,7 @@ def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tupl
         The inputs, each one once.
 
     Raises:
-        InvalidParameter: two blocks have an output with the same name of an input in `DRIVABLE`.
+        InvalidParameter: two blocks drive the same one of the inputs in `DRIVABLE`.
     """
     # The names without the prefixes of robots: a station makes an input for all of its robots.
     names = {output.rpartition(".")[2] for output in output_owners(blocks)}
@@ -387,7 +387,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         blocks: the blocks by name.
 
     Raises:
-        InvalidParameter: two blocks have an output with the same name of an input in `DRIVABLE`.
+        InvalidParameter: two blocks drive the same one of the inputs in `DRIVABLE`.
     """
     # It raises an error if two blocks drive the same one of the inputs in `DRIVABLE`.
     output_owners(blocks)
