@@ -304,9 +304,9 @@ def _compute_after_run(
 
 
 def _first_sample(recorded: Recorded, period: float) -> int:
-    """Number of the first sample within a run, counted from the time 0: it is at the time number * ``period`` [s].
+    """Number of the first sample from the start of a run on, counted from the time 0, so it is at number * ``period``.
 
-    It is 0 for a run that begins at 0.
+    It is 0 for a run that begins at 0, and may be after the end of a run that is shorter than a period.
     """
     return int(np.ceil(recorded.step_times[0] / period - _SAME_SAMPLE))
 
@@ -315,6 +315,8 @@ def replay(
     recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
 ) -> Replay:
     """Update a sampled block, outside of the diagram, at all its samples of a run that is over.
+
+    If there is no sample within the run, it takes one at the start of the run.
 
     Args:
         recorded: the run.
@@ -329,6 +331,9 @@ def replay(
     # Number after that of the last sample in the run.
     end_sample = int(np.floor(recorded.step_times[-1] / period + _SAME_SAMPLE)) + 1
     sample_times = period * np.arange(_first_sample(recorded, period), end_sample)
+    if sample_times.size == 0:
+        # A run that does not begin at 0, and is shorter than a period, may have no sample: it gets one at its start.
+        sample_times = recorded.step_times[:1]
 
     # Values of the inputs at all samples, shape (k, size), by port. Ports are evaluated together, which is faster.
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}
