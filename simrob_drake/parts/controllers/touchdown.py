@@ -143,6 +143,8 @@ class UnknownGround(SampledBlock):
         self.components = {"phase": tuple(limbs)}
         self._limbs = dict(limbs)
         self._section = section
+        # Share of the offsets that is added to the reference.
+        self._weight = section.weight or 1.0
         # An offset that decays with a time constant is multiplied by exp(-period / constant) at each sample.
         self._release_factor = np.exp(-period / section.release)
         self._settle_factor = np.exp(-period / section.settle)
@@ -181,8 +183,8 @@ class UnknownGround(SampledBlock):
             name: memory[name].copy()
             for name in ("offset", "posture", "torques", "phase", "sought")
         }
-        # The reference that the servos get contains the loop's own offset of the last sample.
-        plan = read["reference"] - memory["offset"]
+        # The reference that the servos get contains the loop's own offset of the last sample, times its weight.
+        plan = read["reference"] - self._weight * memory["offset"]
         # Velocity of the plan [rad/s]. At the first sample the plan before is not known, so the velocity is wrong; it
         # is not used before a leg was lifted.
         velocity = (plan - memory["plan"]) / self.period
