@@ -308,17 +308,22 @@ def _check_block(name: Any, block: Any, accepted: Mapping[str, LeafSystem]) -> N
         )
 
 
-def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
-    """Find which block has each output, and check that no two blocks drive the same one of the inputs in `DRIVABLE`.
+def output_owners(
+    blocks: Mapping[str, LeafSystem], station_inputs: Collection[str] = ()
+) -> dict[str, str]:
+    """Find which block has each output, and check that no two blocks drive the same input.
+
+    The inputs are those of robots in `DRIVABLE`, and the given ones.
 
     Args:
         blocks: own blocks by name.
+        station_inputs: names of further inputs, such as those of signal flows, with the prefixes of robots.
 
     Returns:
         The name of the first block that has an output, by the name of the output.
 
     Raises:
-        InvalidParameter: two blocks have outputs of the same name, which is that of such an input.
+        InvalidParameter: two blocks have outputs of the same name, which is that of an input.
     """
     owners: dict[str, str] = {}
     for name, block in blocks.items():
@@ -327,7 +332,7 @@ def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
             owner = owners.setdefault(output, name)
             # Without a prefix, or with that of a robot: ``left.reference`` drives the reference of the robot ``left``.
             # Other outputs may have equal names, since they become signals with the names of their blocks.
-            is_drivable = output.rpartition(".")[2] in DRIVABLE
+            is_drivable = output in station_inputs or output.rpartition(".")[2] in DRIVABLE
             if owner != name and is_drivable:
                 raise Unsuitable(
                     message("parts.input_called", "the input {port}", port=output),
@@ -387,10 +392,10 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         blocks: the blocks by name.
 
     Raises:
-        InvalidParameter: two blocks drive the same one of the inputs in `DRIVABLE`.
+        InvalidParameter: two blocks drive the same input.
     """
-    # It raises an error if two blocks drive the same one of the inputs in `DRIVABLE`.
-    output_owners(blocks)
+    # It raises an error if two blocks drive the same input.
+    output_owners(blocks, site.inputs)
     site.blocks.update(blocks)
     for name, block in blocks.items():
         # An own block has no kind as other controllers have: results name its class instead.
