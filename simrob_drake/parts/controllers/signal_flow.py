@@ -678,8 +678,8 @@ class _FlowNet:
                     entry = index if signal.entries is None else signal.entries[index]
                     return _Element(signal.output, entry, is_measured=True)
 
-        # Nothing was found: the error lists all names that would be right.
-        known = [*self.blocks, _ONE, _TIME]
+        # Nothing was found: the error proposes a name of a block, an input or a column.
+        known = [*self.blocks, *self._station_inputs, _ONE, _TIME]
         for signal in self._readable_signals:
             known += signal.names
         raise UnknownName(
