@@ -111,8 +111,9 @@ class LegOdometry(SampledSensor):
             station: contents of the station.
 
         Raises:
-            SimrobError: the robot does not exist or does not stand on feet of its own; a sensor does not exist or is of
-                another kind; the IMU is not at the root link; the encoders are those of another robot; one of both
+            SimrobError: the robot does not exist or does not stand on feet of its own; ``reads`` has another key than
+                ``imu``, ``encoders`` and links of feet; a sensor does not exist, is of another kind, or is not named
+                though it is not the only one of its kind; the IMU is not at the root link; the encoders are those of another robot; one of both
                 samples at another rate; or only some feet have a force sensor.
         """
         robot = station.robot(self.robot, key)
