@@ -113,8 +113,8 @@ class LegOdometry(SampledSensor):
         Raises:
             SimrobError: the robot does not exist or does not stand on feet of its own; ``reads`` has another key than
                 ``imu``, ``encoders`` and links of feet; a sensor does not exist, is of another kind, or is not named
-                though it is not the only one of its kind; the IMU is not at the root link; the encoders are those of another robot; one of both
-                samples at another rate; or only some feet have a force sensor.
+                though it is not the only one of its kind; the IMU is not at the root link; the encoders are those of
+                another robot; one of both samples at another rate; or only some feet have a force sensor.
         """
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:
