@@ -686,6 +686,7 @@ def test_the_help_lists_the_keys_of_what_is_there():
         press(user, button(user, "?"))
         await user.should_see("Ctrl+Shift+Z")
         await user.should_see("Alt+1")
+        await user.should_see("Page Up")
         await user.should_not_see("Alt+2")  # no arm is loaded
         keys = [one.props[KEYS] for one in elements(user) if KEYS in one.props]
         assert len(keys) == len(set(keys))  # each presses one button

@@ -188,6 +188,7 @@ def _help(t: Words) -> None:
         set_label(dialog, t("shell.help"))
         ui.html(t("shell.help"), tag="h2", sanitize=False).classes("pendant-heading")
         keys = ui.element("dl").classes("pendant-keys")
+        ui.label(t("shell.help_keys"))
         ui.label(t("shell.help_drag"))
         ui.button(t("shell.close"), on_click=dialog.close)
 
