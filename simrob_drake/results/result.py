@@ -44,6 +44,7 @@ from simrob_drake.results.record.run import (
 from simrob_drake.results.record.state import State, free_joint, joints_of
 from simrob_drake.results.record.summary import summary_of
 from simrob_drake.results.record.touch import Event
+from simrob_drake.results.verdict.grips import empty_grips
 from simrob_drake.results.verdict.judge import verdict_of
 from simrob_drake.results.verdict.moves import judge_move
 from simrob_drake.results.verdict.severity import severity_of_end
@@ -220,9 +221,11 @@ class SimulationResult(RecordedRun):
         verdict = self._verdict_of_program() if self.runs else verdict_of(self)
         # Inertias that an import has estimated are noted with every result.
         estimates = [estimated_inertias(robot.model) for robot in self.plant.robots.values()]
-        notes = tuple(estimate for estimate in estimates if estimate is not None)
+        notes = [estimate for estimate in estimates if estimate is not None]
+        for run in self.runs or (self,):
+            notes += empty_grips(run)
         own_moves = [judge_move(self, move) for move in self.moves]
-        return replace(verdict, notes=notes, moves=(*own_moves, *verdict.moves))
+        return replace(verdict, notes=tuple(notes), moves=(*own_moves, *verdict.moves))
 
     def _verdict_of_program(self) -> Verdict:
         """Combine the verdicts about the runs of a program, and add how the program ended and its doubts."""

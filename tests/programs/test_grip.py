@@ -231,6 +231,19 @@ def test_what_is_held_creeps_as_the_smoothed_friction_says():
     assert slid == pytest.approx(1e-3 / 1.2 / np.sqrt(1 - 1 / 1.2**2), rel=0.03)
 
 
+@pytest.mark.parametrize(("height", "is_empty"), [(0.02, False), (0.12, True)])
+def test_a_grip_that_holds_no_piece_is_noted(height, is_empty):
+    """Without the monitor of the station, a program went on with empty fingers and was all within bounds."""
+    cell = Workcell("irb120_gripper", {"monitors.dropped": None})
+    arm = cell.arm()
+    arm.move_j([0.35, 0, height, *DOWN], duration=1.0)
+
+    verdict = arm.grip(force=60).verdict
+
+    texts = [str(remark.text) for remark in verdict.remarks if remark.severity == "note"]
+    assert texts == (["the move (grip): the fingers hold no piece at its end"] if is_empty else [])
+
+
 def test_fingers_that_close_on_nothing_end_the_run():
     arm = Arm(load_station("irb120_gripper", ALONE))
     run = arm.grip()

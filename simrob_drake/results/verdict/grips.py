@@ -1,4 +1,4 @@
-"""Pieces that slipped out of fingers, as a measure of a run's verdict.
+"""Pieces that slipped out of fingers, as a measure of a run's verdict, and grips that held none.
 
 Fingers *hold* a free piece while two links of their robot touch it. A piece is *lost* if fingers held it, and at the
 end of the run they do not, although nothing opened them.
@@ -9,9 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from simrob_drake.base.messages import Message, message
 from simrob_drake.parts.station_plant import StationRobot
 from simrob_drake.results.record.piece_contacts import ContactSample
 from simrob_drake.results.record.run import RecordedRun
+from simrob_drake.results.verdict.moves import name_of_move
 from simrob_drake.results.verdict.verdict import Measured
 
 _OPENED = 0.01
@@ -65,6 +67,31 @@ def measure_lost_piece(run: RecordedRun) -> Measured | None:
     if not pieces:
         return None
     return Measured(pieces, np.array(distances), np.array(times))
+
+
+def empty_grips(run: RecordedRun) -> list[Message]:
+    """Say which grips of a run ended without a piece between the fingers; not which pieces they lost later.
+
+    The list is empty for a station without free pieces or without contact, in which fingers cannot hold anything.
+    """
+    if not run.piece_contacts:
+        return []
+    notes = []
+    for move in run.moves:
+        if move.kind != "grip":
+            continue
+        robot = run.plant.robots[move.robot]
+        last_contacts = [contacts[-1:] for contacts in run.piece_contacts.values()]
+        if any(_last_hold(contacts, robot) is not None for contacts in last_contacts):
+            continue
+        notes.append(
+            message(
+                "results.empty_grip",
+                "{move}: the fingers hold no piece at its end",
+                move=name_of_move(run, move),
+            )
+        )
+    return notes
 
 
 def _last_hold(contacts: Sequence[ContactSample], robot: StationRobot) -> _Hold | None:

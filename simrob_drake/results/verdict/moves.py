@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from simrob_drake.base.messages import compound, message
+from simrob_drake.base.messages import Message, compound, message
 from simrob_drake.base.remarks import Remark, Remedy
 from simrob_drake.blocks.servo import AT_LIMIT
 from simrob_drake.results.record.torques import torque_shares
@@ -106,6 +106,20 @@ class MoveVerdict:
         return content
 
 
+def name_of_move(run: "RecordedRun", asked: "AskedMove") -> Message:
+    """Name of a move in texts, such as ``move 3 (move_l)``; with its robot if the station has several."""
+    kind = asked.kind or "move"
+    if len(run.plant.robots) > 1:
+        return message(
+            "results.move_of_robot",
+            "{place} ({kind} of {robot})",
+            place=asked.place,
+            kind=kind,
+            robot=asked.robot,
+        )
+    return compound("{place} ({kind})", place=asked.place, kind=kind)
+
+
 def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     """Compare a recorded move with the planned move: its end, path, speed, torque and distances.
 
@@ -152,19 +166,8 @@ def judge_move(run: "RecordedRun", asked: "AskedMove") -> MoveVerdict:
     is_stopped = run.stop_time < asked.duration - _ROUNDING
     bound = run.config.verdict.move_end
     is_near_target = bound == "none" or position_error <= bound
-    kind = asked.kind or "move"
-    if len(run.plant.robots) > 1:
-        name = message(
-            "results.move_of_robot",
-            "{place} ({kind} of {robot})",
-            place=asked.place,
-            kind=kind,
-            robot=asked.robot,
-        )
-    else:
-        name = compound("{place} ({kind})", place=asked.place, kind=kind)
     verdict = MoveVerdict(
-        move=name,
+        move=name_of_move(run, asked),
         robot=asked.robot,
         begin=0.0,
         end=min(asked.duration, run.stop_time),
