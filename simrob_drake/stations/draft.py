@@ -45,7 +45,8 @@ from simrob_drake.stations.stances import Stance, Stances
 
 _MOVE = 1.5  # duration of the first move [s]
 _DURATION = 3.0  # duration of the run [s]
-_FINGER_MOVE = 1.0  # duration of closing and of opening fingers [s]
+_FINGER_MOVE = 1.0  # least duration of closing and of opening fingers [s]
+_FINGER_MARGIN = 2.0  # by which that time exceeds what a finger needs at its largest speed: smooth moves peak at 1.9
 # Share of their travel at which closing fingers stop, so that they do not press on each other.
 _FINGER_GAP = 0.1
 # Travel of each motor in the first move of a robot with closed loops.
@@ -474,10 +475,12 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
     moves: list[dict[str, Any]] = []
     if arm_target:
         moves.append({"target_deg": arm_target, "duration": _MOVE})
+    stroke_time = abs(opened - almost_closed) / robot.speed_limits[leader]
+    duration = max(_FINGER_MOVE, float(np.ceil(10 * _FINGER_MARGIN * stroke_time) / 10))
     # Only the leader has a target: couplings take the other fingers along.
     for position in (almost_closed, opened):
         in_user_units = float(f"{position / robot.user_units[leader]:.6g}")
-        moves.append({"target_deg": {axes[leader]: in_user_units}, "duration": _FINGER_MOVE})
+        moves.append({"target_deg": {axes[leader]: in_user_units}, "duration": duration})
     return moves
 
 

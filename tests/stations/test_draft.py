@@ -185,6 +185,19 @@ def test_a_gripper_without_an_arm_is_known_by_the_names_of_its_fingers(tmp_path,
     assert ("`grip: {force: 20}`" in text) == is_gripper
 
 
+def test_slow_fingers_have_the_time_that_they_need(tmp_path):
+    """Their moves took 1 s, which was refused as too fast: the first station did not run."""
+    text = gripper_alone("left_finger", "right_finger").replace('velocity="0.1"', 'velocity="0.01"')
+    (tmp_path / "slow.urdf").write_text(text)
+    file = tmp_path / "first.yaml"
+    file.write_text(draft_station(tmp_path / "slow.urdf", folder=tmp_path))
+
+    result = run_whole(load_station(file))
+
+    assert result.ending == "completed"
+    assert not result.verdict.warnings
+
+
 def test_a_gripper_closes_and_opens_its_fingers(tmp_path):
     """A first station shows what its fingers do, and names the moves that take a piece."""
     file = tmp_path / "first.yaml"
