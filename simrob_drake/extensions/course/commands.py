@@ -32,6 +32,7 @@ from simrob_drake.extensions.course.submissions import (
     CheckedSubmission,
     check_submission,
     find_submissions,
+    only_answer,
     points_table,
 )
 
@@ -117,7 +118,7 @@ def check(
             metavar="ANSWER",
             help=message(
                 "course.help_check_answer",
-                "A Python file, which is run; or a folder of submissions, for --csv.",
+                "A Python file, which is run, or a folder with answer.py alone; or a folder of submissions.",
             ),
         ),
     ],
@@ -171,6 +172,10 @@ def check(
     """
     set_output_language(language)
     entry = exercise_of(exercise)
+    # The folder of one answer, as `course start` makes it, is that answer.
+    only_file = only_answer(answer)
+    if only_file is not None and csv is None:
+        answer = only_file
     if answer.is_dir():
         _check_folder(
             entry,

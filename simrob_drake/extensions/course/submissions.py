@@ -54,6 +54,22 @@ class CheckedSubmission:
         return sum(point.ok for point in self.points)
 
 
+def only_answer(folder: Path) -> Path | None:
+    """Find the answer in the folder of one student: ``answer.py``, where nothing else could be a submission.
+
+    Returns None for a folder of submissions, and for a file.
+    """
+    if not folder.is_dir():
+        return None
+    candidates = [
+        entry
+        for entry in folder.iterdir()
+        if not _is_ignored(entry) and (entry.is_dir() or entry.suffix == ".py")
+    ]
+    is_only = [candidate.name for candidate in candidates] == [ANSWER_FILE]
+    return candidates[0] if is_only else None
+
+
 def find_submissions(folder: Path) -> list[Submission]:
     """Find the submissions in a folder, ordered by name.
 

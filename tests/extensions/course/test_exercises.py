@@ -455,6 +455,20 @@ class TestSubmissions:
         assert run_command(arguments) == ExitCode.BAD_INPUT
         assert "points.csv exists already" in capsys.readouterr().err
 
+    def test_the_folder_of_one_student_is_one_answer(self, tmp_path, monkeypatch, capsys):
+        """It was taken for a folder of submissions, and nothing but `0/1 answer` was said."""
+        monkeypatch.chdir(tmp_path)
+        own_exercise(tmp_path / "own", "return at_least(answer.f(), 1, 'N')")
+        student = tmp_path / "student"
+        student.mkdir()
+        (student / "answer.py").write_text("def f():\n  return 2\n")
+        (student / "notes.txt").write_text("")
+
+        assert run_command(["course", "check", "own", "student", "--allow-code"]) == ExitCode.DONE
+
+        assert "point 0: measured 2 N" in capsys.readouterr().out
+        assert not list(tmp_path.glob("*.csv"))
+
     def test_the_table_is_in_the_language_of_the_course(
         self, submissions, tmp_path, monkeypatch, capsys
     ):
