@@ -663,9 +663,11 @@ def _find_pieces(trajectory: Trajectory) -> _Pieces:
     """
     if isinstance(trajectory, BsplineTrajectory):
         knots, repetitions = np.unique(trajectory.basis().knots(), return_counts=True)
-        # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times.
-        is_smooth = (repetitions[1:-1] <= _CUBIC_ORDER - 2).all()
-        if trajectory.basis().order() <= _CUBIC_ORDER and is_smooth:
+        order = trajectory.basis().order()
+        # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times, and the
+        # velocity must be continuous.
+        is_smooth = (repetitions[1:-1] <= order - 2).all()
+        if order <= _CUBIC_ORDER and is_smooth:
             return _Pieces(breaks=knots, are_smooth_cubics=True)
     if isinstance(trajectory, CompositeTrajectory):
         # Its segments may be of any kind, so they are sampled between the breaks, too.
