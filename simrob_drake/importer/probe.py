@@ -61,7 +61,10 @@ def probe(file: Path, report: ImportReport) -> None:
 
 
 def _drake_error(file: Path) -> str | None:
-    """Return the error of Drake for a robot, or None if Drake can build it."""
+    """Return the reason why a robot cannot be built, or None if Drake can build it.
+
+    The reason is an error of Drake or of the reader of robots, or that the process ends or takes too long.
+    """
     # With -P, modules in the user's folder do not take the place of others.
     command = [sys.executable, "-P", "-m", "simrob_drake.importer.probe", str(file)]
     try:

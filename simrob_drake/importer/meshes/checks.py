@@ -165,7 +165,8 @@ def check_mesh(data: bytes, suffix: str) -> CheckedMesh:
         suffix: the file's format, as the lower-case end of its name, such as ``.stl``.
 
     Raises:
-        UnreadableMesh: the file is empty, cut off, or so large that parsing it could fill the memory.
+        UnreadableMesh: the file is empty, cut off, damaged in a way that is seen here, or so large that parsing it
+            could fill the memory; or a COLLADA file has a document type or an impossible unit of length.
     """
     if not data.strip(b"\0 \t\r\n"):
         raise UnreadableMesh(message("importer.is_empty", "is empty"))

@@ -83,7 +83,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
         others: the files to which the mesh may refer, by their names in it. It cannot open other files.
 
     Raises:
-        UnreadableMesh: the file is too large or damaged, or contains no triangles.
+        UnreadableMesh: the file has a format that is not read, is too large or damaged, or contains no triangles.
     """
     suffix = path.suffix.lower()
     if suffix not in MESH_FORMATS:

@@ -382,9 +382,10 @@ def _system() -> ctypes.CDLL:
 
 
 def _shut_files(system: ctypes.CDLL) -> bool:
-    """Refuse this process all files and ports, and signals to other processes, with Landlock.
+    """Refuse this process all files with Landlock, and ports and signals to other processes where it can do so.
 
-    Returns whether the system has Landlock and it is active.
+    It refuses ports from version 4 of Landlock on, and signals from version 6 on. Returns whether Landlock is active,
+    which a system may lack.
     """
     version = int(
         system.syscall(_LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), _LANDLOCK_GET_VERSION),

@@ -175,8 +175,8 @@ def _remove_impossible_inertias(robot: ET.Element, report: ImportReport) -> dict
 def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | None:
     """Correct the inertia of a link. If it cannot be corrected, remove it and return it.
 
-    Returns None if the link keeps its inertia or had none. An ``<inertial>`` without mass and moments is removed, and
-    counts as none.
+    Returns None if the link keeps its inertia or had none. An ``<inertial>`` without mass and moments counts as none:
+    it is removed if it lacks ``<mass>`` or ``<inertia>``, and stays if it has both, with zeros.
     """
     inertial = link.find("inertial")
     if inertial is None:

@@ -415,7 +415,7 @@ class RobotWriter:
             ET.SubElement(self.robot, "loop_joint", name=quoted_names)
 
     def _write_frames(self) -> None:
-        """Write the ``frame`` elements of the model, which may be tools of the robot."""
+        """Write the ``frame`` elements of the model, which may be tools of the robot. Nested models' are left out."""
         taken_names = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
         for frame in self.model.iterfind("frame"):
             link = self._frames.link_of(name_of(frame))
@@ -506,9 +506,10 @@ def _ends(edge: _Edge, *, is_forward: bool) -> tuple[str, str]:
 
 
 def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
-    """Write the limits of an SDF axis into a joint of a URDF. A joint that turns without limits becomes continuous.
+    """Write the limits of an SDF axis into a joint of a URDF. A joint that turns without both limits becomes continuous.
 
-    A value of the SDF counts only if its text is one finite number.
+    A value of the SDF counts only if its text is one finite number. Positions, efforts and velocities of 1e15 or more,
+    and negative efforts and velocities, are no limits.
 
     Args:
         joint: the joint of the URDF.
