@@ -213,7 +213,10 @@ class Uniform(Distribution):
         return not self.integer or value % 1 == 0
 
     def grid(self, count: int) -> list[Any]:
-        """List evenly spaced values, both ends among them."""
+        """List evenly spaced values, both ends among them; with a count of 1, the lower end.
+
+        Integers are rounded, and equal ones are listed once. With `log`, the values have equal factors.
+        """
         space = np.geomspace if self.log else np.linspace
         values: list[Any] = space(self.low, self.high, count).tolist()
         if not self.integer:
@@ -335,7 +338,11 @@ class Choice(Distribution):
         return self.values[min(max(index, 0), len(self.values) - 1)]
 
     def part(self, value: Any) -> float:
-        """Compute the middle of the share of all draws that a value has, so that :meth:`quantile` gives it back."""
+        """Compute the middle of the share of all draws that a value has, so that :meth:`quantile` gives it back.
+
+        Raises:
+            ValueError: the value is not in the list.
+        """
         return (self.values.index(value) + 0.5) / len(self.values)
 
     def holds(self, value: Any) -> bool:
@@ -473,10 +480,10 @@ def _plain_values(values: Sequence[Any] | Vector) -> list[Any]:
 
 
 def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-    """Make a distribution of a section or of a line of text, which the distribution keeps.
+    """Make a distribution of a section, of a list of values, or of a line of text, which the distribution keeps.
 
     Args:
-        content: the section or the line.
+        content: the section, the list or the line.
         handler: pydantic's function that makes a distribution of a section.
 
     Raises:
@@ -528,7 +535,8 @@ def parse_distribution(option: str, text: str) -> Distribution:
         text: the line, in one of the forms of `TEXTS`.
 
     Raises:
-        InvalidParameter: the line has none of the forms, or its range is empty or cannot have a logarithm.
+        InvalidParameter: the line has none of the forms, its range is empty, or its numbers are not possible for its
+            kind, such as a negative one that needs a logarithm.
     """
     try:
         _section(text)

@@ -263,10 +263,10 @@ def written_at_once(file: Path, text: str) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Context manager that locks a folder against other processes that lock it, too.
+    """Context manager that locks a folder against all others that lock it by this function, in any process.
 
     Raises:
-        OutputError: another process has locked the folder, or there is no such folder.
+        OutputError: the folder is locked already, or there is no such folder.
     """
     with writing(folder):
         # The lock belongs to the open descriptor. If the process is killed, the system closes it and the lock is gone.
@@ -360,7 +360,10 @@ def _swap_at_once(folder: Path, work: Path) -> bool:
 
 
 def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
-    """Replace a folder by another one in two steps. At any time one of them is complete.
+    """Replace a folder by another one in two steps.
+
+    Between the steps no folder has this name, and the former one is complete at another path. If the second step fails,
+    the former folder gets its name back.
 
     Args:
         folder: the folder that is replaced.
@@ -377,5 +380,5 @@ def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
 
 
 def _nearest_parent(folder: Path) -> Path:
-    """Nearest folder above a folder that exists already: the workshop must be on the same disk."""
+    """Nearest existing folder above a folder, which need not exist: the workshop must be on the same disk."""
     return next(parent for parent in folder.absolute().parents if parent.exists())

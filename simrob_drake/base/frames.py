@@ -99,7 +99,8 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
         y1: a point on the y axis, shape (3,) [m].
 
     Raises:
-        InvalidParameter: the points are on one line, or x2 is the origin of the frame.
+        InvalidParameter: a point is not three finite numbers, x1 and x2 are equal, the points are on one line, or x2 is
+            the origin of the frame.
     """
     first = point(x1, "x1")
     second = point(x2, "x2")

@@ -341,7 +341,7 @@ def _leads_back(joints: Mapping[str, ET.Element], name: str) -> bool:
 
 
 def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
-    """Turn joints that follow a joint that does not move, or follow with a multiplier of 0, into fixed joints, in place.
+    """Turn followers of a joint that does not move, and followers with a multiplier of 0, into fixed joints, in place.
 
     Each is fixed at the position that it has by its leader's position.
     """

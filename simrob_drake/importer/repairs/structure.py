@@ -625,7 +625,8 @@ def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
     """Remove Drake's frames, collision filter groups and bushings that Drake would refuse, in place.
 
-    They name missing elements, or have no name, or the name of another one. Stages that remove links call this function afterwards.
+    They name missing elements, or have no name, or the name of another one. Stages that remove links call this function
+    afterwards.
 
     Args:
         robot: the ``robot`` element.
