@@ -122,6 +122,15 @@ def test_only_the_station_at_this_path_may_read_the_robot(raw, tmp_path, capsys)
     assert f"allow it with --mesh-path {private}" in capsys.readouterr().err
 
 
+def test_of_a_mesh_folder_nothing_around_it_is_remembered(raw, tmp_path):
+    meshes = tmp_path / "own" / "parts"
+    meshes.mkdir(parents=True)
+
+    assert run_command(["station", str(raw), "--mesh-path", str(meshes)]) == 0
+
+    assert remembered_grants(tmp_path / "work" / "arm.yaml") == [raw.parent, meshes]
+
+
 def test_a_damaged_memory_of_grants_allows_nothing(raw, tmp_path, capsys):
     assert run_command(["station", str(raw)]) == 0
 

@@ -160,9 +160,9 @@ def _check_robot_file(file: str, options: ImportOptions | None) -> None:
 
     Args:
         file: a file of another tool, such as a URDF, or a description of a robot in YAML.
-        options: options of the import. None if none is given. A description is read without an import, so it has none.
+        options: options of the import. None if none is given. A description takes none: it is read as it is, and its
+            URDF is only imported, without options, if Drake cannot read it.
     """
-    # The file of another tool is imported, a description in YAML was imported before.
     if is_robot_file(file):
         examine_file(Path(file), options)
         return

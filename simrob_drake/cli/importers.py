@@ -1,8 +1,9 @@
 """Importers of extensions on the command line: their options, and what is shown of their results.
 
 An *importer* is a class of an extension that makes files of this toolbox from the file of another tool, such as a
-Simulink model. The suffix of the file decides which importer is used. An importer has up to two dataclasses of options:
-one for an import (`options_class`), and one for only reading the file, as `simrob check` does (`reading_class`).
+Simulink model. The suffix of the file decides which importer is used, or for XML and YAML files their content. An
+importer has up to two dataclasses of options: one for an import (`options_class`), and one for only reading the file,
+as `simrob check` does (`reading_class`).
 
 Parts of a file that have no counterpart here, and without which the result behaves differently, are *losses*.
 """

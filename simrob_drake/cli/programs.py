@@ -377,7 +377,7 @@ def _read_program(
         config = station_from(options.on, settings)
         robot = options.robot
     else:
-        # The robot is one of the package's, alone on a station made for it.
+        # The robot is named or given by its file, and alone on a station made for it.
         config = bare_station(str(options.robot), changes_of(settings, "--set"))
         robot = None
     # The options of the command line become those of an importer, which is code of an extension.

@@ -193,6 +193,7 @@ def save_and_show(
 
     Raises:
         Interrupted: the user interrupted twice; nothing was saved.
+        SimrobError: the result cannot be saved.
     """
     folder = prepared.path
     save_options: Saved = {**saving.save_options, "frames": frames}

@@ -90,8 +90,8 @@ def cells_table(result: SimulationResult) -> Table:
 def convergence_table(result: SimulationResult, tight: SimulationResult) -> Table:
     """Make the table of the largest differences between a run and a tighter one, over their common time.
 
-    It lists the position and the torque at the end of each joint, and the position and orientation of each free base
-    and piece.
+    It lists for each joint the largest difference of the position, and the difference of the torque at the end; and for
+    each free base and piece the largest differences of position and orientation.
     """
     rows = [*_rows_of_joints(result, tight), *_rows_of_bodies(result, tight)]
     headings = (
