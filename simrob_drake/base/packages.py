@@ -91,8 +91,8 @@ def package_root(source: Path) -> Path:
 def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | None:
     """Find the folder of a package that another package may read.
 
-    It is looked for near this other package and in it, in the folders that the user allows, where ROS and Gazebo look,
-    and in the cache of ``robot_descriptions``, in this order.
+    It is looked for near this other package and in it (any folder in a repository, else models of Gazebo), in the
+    folders that the user allows, where ROS and Gazebo look, and in the cache of ``robot_descriptions``, in this order.
 
     Args:
         name: name of the package, as in ``package://name/...``.

@@ -1,4 +1,4 @@
-"""Linear combinations of references: of polynomials alone and of sines exactly, of others by samples.
+"""Linear combinations of references: exact for polynomials and for sines, by samples if one is of another kind.
 
 A reference gives the desired positions of axes as a function of time: a trajectory of Drake, or a sine (its centre,
 amplitude, frequency and phase for each axis). A trajectory stands still before its start and after its end, and a

@@ -129,7 +129,16 @@ class MeshLibrary:
         return mesh
 
     def _read(self, path: Path, scale: Scale) -> Mesh:
-        """Read, scale, clean and simplify a mesh, and describe the changes. See :meth:`load`."""
+        """Read, scale, clean and simplify a mesh, and describe the changes.
+
+        Args:
+            path: file of the mesh.
+            scale: factors along x, y and z.
+
+        Raises:
+            UnreadableMesh: the file cannot be read, or contains no triangle with an area.
+            OutsideBorder: a file to which it refers is outside of the folders from which files may be read.
+        """
         try:
             # The files to which the mesh refers are found here, with their permission, as the parser may open these
             # only.

@@ -101,7 +101,7 @@ class MeshPlaces:
             uri: name of the mesh, as it stands in the URDF.
 
         Raises:
-            MeshMissing: no file has this name.
+            MeshMissing: no file has this name, or it is the address of a file on the network.
             OutsideBorder: the file is outside of the folders from which files may be read.
         """
         # The search may try hundreds of paths, and each mesh is named at least twice: as visual and as collision.

@@ -229,7 +229,9 @@ class _PlacedMesh(NamedTuple):
 
 
 def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart]:
-    """Yield the parts of a scene, in metres and with z up.
+    """Yield the parts of a scene, in metres; those of a glTF file with z up. The up axis of other files is ignored.
+
+    A geometry at a place whose transform is not finite is left out without a note.
 
     Args:
         scene: the ``trimesh.Scene``.

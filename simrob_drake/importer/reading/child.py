@@ -147,7 +147,7 @@ def _exchange(
 ) -> dict[str, Any] | None:
     """Send the job to the process, and answer its requests until it sends a result or a problem.
 
-    Returns None if the process ends before, or sends anything else than JSON.
+    Returns None if the process ends before, or sends something that is no request, no result and no problem.
     """
     replies = cast(IO[bytes], child.stdout)
     requests = cast(IO[bytes], child.stdin)
@@ -167,10 +167,13 @@ def _exchange(
                     )
                 }
             reply = json.loads(line)
+            # The file that is read may control the process, and send anything.
+            if not isinstance(reply, dict):
+                return None
             if "ask" not in reply:
-                return dict(reply)
+                return reply if {"problem", "unconfined"} & reply.keys() else None
             # A refused request is answered, too: with a reason in place of the content.
-            to_send = answer(reply["ask"], reply["about"])
+            to_send = answer(str(reply["ask"]), str(reply.get("about")))
     except (OSError, ValueError):
         return None
 
