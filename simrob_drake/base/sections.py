@@ -217,8 +217,9 @@ def field_texts(model: type[Strict]) -> dict[str, str]:
 
 @lru_cache(maxsize=1024)
 def _texts_of(kind: type[Any]) -> Mapping[str, str]:
-    """Docstrings below the fields of one class, by the name of the field. Empty for other classes than sections.
+    """Docstrings below the fields of one class, by the name of the field.
 
+    Empty for other classes than sections, and for a class without a source, such as one that a function call has made.
     They are read from the source code. Pydantic could do that, too, but for all classes when they are made, which would
     take a third of the time of importing them.
     """

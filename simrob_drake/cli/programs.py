@@ -70,7 +70,7 @@ def run_program(
         """Return the function that does the program in a workcell. Nothing is checked before: `perform` does that."""
 
         def do_program() -> tuple[SimulationResult, str]:
-            """Do the program. Returns the run, and a sentence about how far a legged robot moved."""
+            """Do the program. Returns the run, and a sentence about how far a legged robot moved; empty for arms."""
             result = perform(cell, program, file)
             # The base of an arm is fixed, so there is nothing to say about how far it moved.
             remark = ""

@@ -68,7 +68,7 @@ def criteria_table(verdict: Verdict) -> Table:
 
 
 def cells_table(result: SimulationResult) -> Table:
-    """Make the table of the times [s] at which the robots reached the cells of their sequencers.
+    """Make the table of the times [s], since the start of each sequencer, at which the robots reached its cells.
 
     A *sequencer* is a controller that leads a robot from one posture (a *cell*) to the next. A cell that was not
     reached has a dash in place of its time.

@@ -508,9 +508,9 @@ def _ends(edge: _Edge, *, is_forward: bool) -> tuple[str, str]:
 def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
     """Write the limits of an SDF axis into a joint of a URDF.
 
-    A joint that turns becomes continuous unless it has both limits of its position.
-    A value of the SDF counts only if its text is one finite number. Positions, efforts and velocities of 1e15 or more,
-    and negative efforts and velocities, are no limits.
+    A joint becomes revolute if it has both limits of its position, otherwise continuous; a prismatic or screw joint
+    keeps its type. A value of the SDF counts only if its text is one finite number. Positions, efforts and velocities
+    of 1e15 or more, and negative efforts and velocities, are no limits.
 
     Args:
         joint: the joint of the URDF.
