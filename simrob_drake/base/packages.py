@@ -288,7 +288,7 @@ class Border:
         )
 
     def check(self, path: Path, key: str) -> None:
-        """Check that a path under a key of a station may be read. Files of this package always may.
+        """Check that a path under a key of a station may be read. Models of this package and its caches always may.
 
         Args:
             path: the path.

@@ -108,7 +108,11 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
 
 
 def _rows_of_joints(result: SimulationResult, tight: SimulationResult) -> list[tuple[str, ...]]:
-    """Rows of the table of differences for the joints: name, largest difference, its time, torque at the end, unit."""
+    """Rows of the table of differences for the joints.
+
+    The cells are the joint's name, the largest difference of its position, the time of that, the difference of its
+    torque at the end of the runs' common time, and the unit of the torque.
+    """
     # One of the runs may have ended early. Both are recorded at the same times, so samples are compared by index.
     sample_count = min(len(result.times), len(tight.times))
     last = sample_count - 1

@@ -158,8 +158,8 @@ class RobotWriter:
 
     def __post_init__(self) -> None:
         where = message("importer.model_called", "model '{name}'", name=name_of(self.model))
-        # The pose of the model in the world only counts if a joint connects the two. The place of a loose robot is
-        # given by the station.
+        # The pose of the model in the world only counts if the model is static, or a joint connects it with the world.
+        # The place of a loose robot is given by the station.
         place_in_world = own_pose(self.model, self.report, where)
         self.robot = ET.Element("robot", name=name_of(self.model))
         self._frames = Frames(self.report, place_in_world)
