@@ -158,11 +158,12 @@ def add_computed_torque(
     *,
     name: str,
 ) -> OutputPort:
-    r"""Add the computed torque of a robot, whose error then obeys :math:`\ddot e + k_d\,\dot e + k_p\,e = 0`.
+    r"""Add the computed torque of a robot.
 
     .. math:: \tau = M(q)\,(\ddot q_r + k_d\,(\dot q_r - v) + k_p\,(q_r - q)) + C(q, v)\,v + \tau_g(q) + \tau_{ff}
 
-    The torques are not saturated.
+    Without feedforward, and while no other forces act, the error then obeys
+    :math:`\ddot e + k_d\,\dot e + k_p\,e = 0`. The torques are not saturated.
 
     Args:
         builder: builder of the diagram.
@@ -220,9 +221,9 @@ def add_admittance(
         \tau = k_p (q_r - q) - k_d (v - v_r) + \tau_{ff} + x, \qquad \dot x = K_t\,(\mathrm{ID}(q, v) - \tau),
 
     where ID is the inverse dynamics without acceleration and without external forces; the reference velocity v_r and
-    the feedforward are 0 unless `signals` has them. At frequencies below
-    :math:`K_t`, the servo's stiffness fades and a damping :math:`k_p/K_t` is left: gravity stays balanced, and the arm
-    gives way when it is pushed. With :math:`K_t = 0` the servo acts alone.
+    the feedforward are 0 unless `signals` has them. At frequencies below :math:`K_t`, the servo's stiffness fades and a
+    damping :math:`k_p/K_t` is left: gravity stays balanced, and the arm gives way when it is pushed. With
+    :math:`K_t = 0` the servo acts alone.
 
     The block computes :math:`\dot x = K_t\,(\mathrm{ID} - k_p (q_r - q) + k_d (v - v_r) - \tau_{ff}) - K_t\,x`. This is
     the same as long as the servo is not saturated; if the servo saturates, x does not wind up.

@@ -149,7 +149,7 @@ def _check_program_file(
         message("cli.program_without_code", "this is a program, which names no code"),
         allow_code=allow_code,
     )
-    # The station of the program may have changes, so --set is the one option with an effect here.
+    # The station of the program may have changes, so --set has an effect here.
     program, config = program_from(file, settings)
     # A wrong move is an error of `check_program`, so the table has this one row only.
     console.print(findings_table([check_program(program, config, file)]))

@@ -129,6 +129,7 @@ def program_from(file: str, settings: list[str] | None) -> tuple[Program, Statio
 
     Raises:
         InvalidConfig: the program is damaged, or names no station.
+        SimrobError: the station or a change is wrong.
     """
     from simrob_drake.programs.program import Program
 

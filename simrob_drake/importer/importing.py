@@ -241,6 +241,7 @@ def _read_and_repair(
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired.
+        UnknownName: the options name a joint, a link or a model that the robot does not have.
     """
     robot = read_source(source, report, options)
     # The order matters: each repair relies on those before. Links and joints must form a tree before joints can be
@@ -393,6 +394,7 @@ def _import_once(source: Path, options: ImportOptions) -> RobotModel:
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired.
+        UnknownName: the options name a joint, a link or a model that the robot does not have.
         OutputError: the cache cannot be written.
     """
     folder = cache_entry("robots", made_of=_dependencies(source, options), made_by=_CODE)

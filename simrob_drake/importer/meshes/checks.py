@@ -84,7 +84,7 @@ def references(path: Path) -> list[str]:
 
 
 def gltf_header(data: bytes) -> Any:
-    """Parse the JSON of a glTF or GLB file. Returns None if there is none, or if it is too large."""
+    """Parse the JSON of a glTF or GLB file. Returns None if it is missing, damaged or too large."""
     if data[:4] == b"glTF":
         # The binary form of glTF. It begins with 12 bytes of header and 8 bytes that introduce the JSON, of which four
         # are its length.
