@@ -151,8 +151,8 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
         force: whether a former result in the folder may be replaced.
 
     Raises:
-        OutputError: the folder exists and may not be replaced, contains something else than a former result, or cannot
-            be made.
+        OutputError: the folder exists without `force`; or with it, and is neither empty nor has the marker; or it
+            cannot be made.
     """
     # os.path.exists is false for names that no folder can have. These are refused with their reason below.
     if os.path.exists(folder):
@@ -327,9 +327,12 @@ def _workshop(folder: Path, name: str) -> Iterator[Path]:
 
 
 def _delete_abandoned_workshops(folder: Path) -> None:
-    """Delete the workshops in a folder whose processes were killed. A process that ends releases its locks."""
+    """Delete the workshops in a folder whose processes were killed. A process that ends releases its locks.
+
+    A workshop that changed in the last minute stays, and one with a former result, which belongs to the user.
+    """
     for workshop in folder.glob(f".*{_WORKSHOP}"):
-        # An error means that the workshop is locked, or that another process has deleted it.
+        # An error means that the workshop is locked, is no folder, or was deleted by another process.
         with suppress(OSError):
             age = time.time() - workshop.stat().st_mtime
             has_former_result = (workshop / _BEFORE).exists()

@@ -571,11 +571,12 @@ def hermite(
 
     Args:
         times: shape (m,) [s].
-        positions: shape (m, n) [rad].
-        velocities: shape (m, n) [rad/s].
+        positions: shape (m, n) [rad or m].
+        velocities: shape (m, n) [rad/s or m/s].
 
     Raises:
-        InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.
+        InvalidParameter: there are fewer than two samples, the times do not rise, values are not finite, or the shapes
+            do not fit the times.
     """
     breaks, samples = _check_samples(times, positions)
     _, rates = _check_samples(times, velocities)

@@ -39,9 +39,10 @@ _ClassAttribute = Literal["options_class", "reading_class"]
 def with_importer_options(
     attribute: _ClassAttribute,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Make a decorator that gives a command the options of all importers, which it takes as ``importer_options``.
+    """Make a decorator that gives a command the options of importers, which it takes as ``importer_options``.
 
-    Importers that cannot be used are left out, so that their options are unknown. Their use raises the reason.
+    These are the importers of class `FileImporter`. Those that cannot be used are left out, so that their options are
+    unknown. Their use raises the reason.
 
     Args:
         attribute: attribute of the importers with the dataclass of the options.

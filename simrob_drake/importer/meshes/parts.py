@@ -126,7 +126,7 @@ class MeshPart:
         return replace(self, faces=self.faces[kept], normals=normals, uv=uv)
 
     def transform(self, matrix: Vector) -> "MeshPart":
-        """Copy of this part after an affine transform, such as a rotation, a scale or a mirroring.
+        """This part after an affine transform, such as a rotation, a scale or a mirroring. The part itself stays.
 
         Args:
             matrix: homogeneous transform, shape (4, 4).

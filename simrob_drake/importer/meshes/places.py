@@ -256,7 +256,10 @@ class MeshPlaces:
 
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
-    """Find all files from which a robot's meshes are read, in order. Files that are missing are left out.
+    """Find all files from which a robot's meshes are read, in order.
+
+    A mesh is left out, with the files to which it refers, if it is missing or if one of these files may not be read. A
+    missing texture is left out alone.
 
     Args:
         robot: the ``robot`` element.

@@ -336,15 +336,16 @@ _MACHINES = {
 
 
 def confine(seconds: int) -> list[str]:
-    """Confine this process for good. It can compute, and read and write the files that are open already.
+    """Confine this process for good, as far as the system has protections for it.
 
-    Its memory, its processor time and what it writes are limited, and its environment variables are removed.
+    With all of them, the process can only compute, and read and write the files that are open already, and its memory,
+    its processor time and what it writes are limited. Its environment variables are always removed.
 
     Args:
         seconds: processor time that the process may take [s].
 
     Returns:
-        names of the protections that the system does not have.
+        "Landlock", which shuts files, or "seccomp", which refuses calls, or both: those that the system does not have.
     """
     limits = {
         resource.RLIMIT_AS: MEMORY,
