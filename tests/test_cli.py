@@ -687,3 +687,14 @@ def test_the_main_job_is_one_command(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "runs/demo/recording.html").as_uri() in "".join(
         capsys.readouterr().out.split("\n")
     )
+
+
+def test_a_robot_of_the_package_is_no_file_that_gets_a_first_station(capsys, tmp_path):
+    """The error named a path that nobody gave, and proposed the name that was given."""
+    assert (
+        run_command(["station", "puma560", "--out", str(tmp_path / "a.yaml")]) == ExitCode.BAD_INPUT
+    )
+
+    told = capsys.readouterr().err
+    assert "puma560: this is a robot of the package" in told
+    assert "robot: {model: puma560}" in " ".join(told.split())

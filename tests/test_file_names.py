@@ -10,6 +10,7 @@ from simrob_drake import load_station
 from simrob_drake.base.errors import InvalidParameter, OutputError
 from simrob_drake.base.files import models_root
 from simrob_drake.base.folders import check_ending, check_new_file
+from simrob_drake.base.sections import is_file_name
 from simrob_drake.cli.app import run_command
 from simrob_drake.results.block_diagram.picture import save_block_picture
 from simrob_drake.results.plots.own import save_figure
@@ -129,3 +130,19 @@ def test_exports_to_names_that_no_file_can_have(tmp_path: Path):
 
     with pytest.raises(OutputError, match="cannot be written: File name too long"):
         save_mjcf(load_station("bouncing_ball"), tmp_path / f"{TOO_LONG}.xml")
+
+
+@pytest.mark.parametrize(
+    ("name", "is_valid"),
+    [
+        ("x" * 200, True),
+        ("x" * 201, False),
+        ("á" * 100, True),  # two bytes each
+        ("á" * 100 + "x", False),
+        ("", False),
+        ("..", False),
+        ("a/b", False),
+    ],
+)
+def test_a_name_has_at_most_200_bytes(name: str, is_valid: bool):
+    assert is_file_name(name) is is_valid

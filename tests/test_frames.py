@@ -14,6 +14,7 @@ from simrob_drake.base.frames import (
     lean,
     point,
     pose_from_transform,
+    pose_matrices,
     poses_from_matrices,
     three_point_frame,
     transform_from_pose,
@@ -234,3 +235,12 @@ class TestThreePoints:
     ) -> None:
         with pytest.raises(InvalidParameter, match=message):
             three_point_frame(*points)
+
+
+def test_many_poses_are_the_matrices_of_each() -> None:
+    poses = np.array([[0.1, -0.2, 0.3, 0.7, -0.4, 1.9], [1.0, 2.0, -3.0, -2.1, 1.2, -0.6]])
+
+    matrices = pose_matrices(poses)
+
+    for pose, matrix in zip(poses, matrices, strict=True):
+        np.testing.assert_allclose(matrix, transform_from_pose(pose).GetAsMatrix4(), atol=1e-15)

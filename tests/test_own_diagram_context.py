@@ -151,6 +151,19 @@ def test_a_fixed_step_run_goes_on_from_its_context_to_the_last_bit(cell, whole):
     np.testing.assert_array_equal(rest.values[-1], whole.values[-1])
 
 
+def test_a_sensor_has_a_sample_in_a_run_between_two_of_its_samples():
+    """A sensor at 20 Hz samples at 0 and 50 ms; the run goes from 10 to 30 ms, and its sample is that of its start."""
+    discrete = {"solver": {"kind": "discrete", "time_step": 1e-3}, "servo.realization": "implicit"}
+    cell = Cell(**discrete, **{"sensors.enc": {"kind": "encoders", "rate": 20}})
+    context = cell.diagram.CreateDefaultContext()
+    cell.run(0.01, context=context)
+
+    result = cell.run(0.02, context=context)
+
+    measured = result["position.enc.joint_1"]
+    assert measured == pytest.approx(np.full(len(measured), result["q.joint_1"][0]))
+
+
 def test_a_run_with_error_control_goes_on_within_its_accuracy():
     cell = Cell(duration=1.0)  # radau3
     whole = cell.run(0.1)

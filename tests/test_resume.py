@@ -4,6 +4,7 @@ import pickle
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from pydrake.systems.framework import LeafSystem
 
 from simrob_drake import Runner, State, load_station, simulate, simulate_diagram
 from simrob_drake.base.errors import SimrobError
-from simrob_drake.simulation.resume import RepeatedSteps
+from simrob_drake.results.record.history import StateHistory
+from simrob_drake.simulation.resume import RepeatedSteps, StepsDiffer
 from simrob_drake.stations.closed import closed_station
 from simrob_drake.stations.resolve import resolve
 
@@ -326,3 +328,26 @@ def test_a_walk_cut_anywhere_equals_the_whole_one_in_another_process_too(tmp_pat
     source.write_bytes(pickle.dumps(part))
     subprocess.run([sys.executable, "-c", RESUME, source, target], check=True, cwd=Path.cwd())
     assert_equal_runs(pickle.loads(target.read_bytes()), whole)
+
+
+def compare_repeated_steps(changed_row, change):
+    """Compare six recorded steps with repeated ones of which one differs. Stepping begins at 1 s, in row 1."""
+    times = np.arange(6.0)
+    expected = StateHistory(times, times[:, None])
+    recorded = StateHistory(times, times[:, None].copy())
+    recorded.continuous[changed_row] += change
+    trace = SimpleNamespace(history=expected, free_row=3)
+    recorder = SimpleNamespace(times=times, history=lambda: recorded)
+
+    RepeatedSteps(trace, begin=1.0).compare(recorder)
+
+
+@pytest.mark.parametrize("changed_row", [1, 2, 3])
+def test_every_repeated_step_is_compared_up_to_the_last_that_the_end_did_not_change(changed_row):
+    with pytest.raises(StepsDiffer):
+        compare_repeated_steps(changed_row, change=1e-12)
+
+
+@pytest.mark.parametrize("changed_row", [0, 4, 5])
+def test_steps_before_the_repeated_ones_and_after_them_may_differ(changed_row):
+    compare_repeated_steps(changed_row, change=1.0)

@@ -14,6 +14,7 @@ from simrob_drake.base.extension import addition_files
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict, validate_section
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
+from simrob_drake.importer.robot_files import CORE_SUFFIXES
 from simrob_drake.stations.config import StationConfig
 
 _OTHERS = Path(__file__).with_name("others.yaml")
@@ -71,7 +72,9 @@ def refuse_other(text: str) -> None:
                 "",
                 message("cli.is_no_station", "is not a station, but {remedy}", remedy=remedy),
             )
-    if isfile(file) and not is_yaml:
+    # Loading refuses the file of a robot, and says what makes a station of it.
+    is_robot = file.suffix.lower() in CORE_SUFFIXES
+    if isfile(file) and not is_yaml and not is_robot:
         raise InvalidConfig(
             file,
             "",

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
+from simrob_drake.base.errors import Unsuitable
 from simrob_drake.base.folders import check_ending, check_new_file, written_at_once
 from simrob_drake.base.messages import compound, join_texts, message
 from simrob_drake.base.packages import package_root, remember_grants, resolve_path
@@ -51,7 +52,7 @@ from simrob_drake.importer.importing import (
 )
 from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.importer.robot_files import is_robot_file
-from simrob_drake.robots.catalog import RobotModel
+from simrob_drake.robots.catalog import RobotModel, robot_names
 from simrob_drake.robots.imports import ImportOptions
 from simrob_drake.stations.draft import draft_station
 
@@ -232,6 +233,16 @@ def station(
 
         simrob station arm.urdf --out arm.yaml
     """
+    if str(file) in robot_names():
+        raise Unsuitable(
+            str(file),
+            message(
+                "cli.is_robot_of_package",
+                "this is a robot of the package, which a station has by `robot: {{model: {name}}}`",
+                name=file,
+            ),
+            message("cli.give_robot_file", "give the file of a robot, such as arm.urdf"),
+        )
     target = out or Path(f"{file.stem}.yaml")
     # The draft needs trial runs, which take time, so the target is checked first.
     # A file with another ending would not be read as a station again.

@@ -273,6 +273,18 @@ def _run_tighter(result: SimulationResult) -> ExitCode:
     # All other keys stay, and the seeds with them: the accuracy is the only difference.
     tight = simulate(result.config.model_copy(update={"solver": tighter_solver}))
     console.print(convergence_table(result, tight))
+    usual = result.config.solver.model_dump()
+    changed = {
+        f"solver.{key}": value
+        for key, value in tighter_solver.model_dump().items()
+        if value != usual[key]
+    }
+    text = message(
+        "cli.convergence_means",
+        "The solver's accuracy changes the result by about as much. If that is too much, run with {options}",
+        options=" ".join(f"--set {key}={value:g}" for key, value in changed.items()),
+    )
+    say_text(text)
     return exit_code(tight)
 
 

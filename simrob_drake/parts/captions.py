@@ -74,7 +74,7 @@ class Drawn:
 
 def wrap_label(text: str) -> str:
     """Translate a text to the language of the output, and break it into lines that fit a block."""
-    # A long name may be wider than the block: a hyphenated one would be no name of the station.
+    # A long name may be wider than the block: broken in two, it would be no name of the station.
     return "\n".join(textwrap.wrap(translate(text), _LINE_WIDTH, break_long_words=False))
 
 
@@ -135,7 +135,8 @@ def shown_positions(values: AxisValues, model: RobotModel) -> str:
         otherwise the positions, as `shown_values` writes them. Positions of one unit are written together.
 
     Raises:
-        SimrobError: a list has a wrong length, or a mapping names an axis that the robot does not have.
+        SimrobError: a list has a wrong length, or a mapping of at most `MANY` axes names one that the robot does not
+            have.
     """
     if not isinstance(values, dict):
         positions = model.axis_vector(values, "reference")

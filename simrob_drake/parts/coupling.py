@@ -96,7 +96,8 @@ class CouplingSection(Strict, ABC):
         It is True, too, for a soft spring, which holds nothing together. In a kinematic station, where no engine holds
         anything, it is always True; `check` finds couplings that references do not obey.
         """
-        # A coupling that is no constraint is a soft spring, which any engine can simulate.
+        # A coupling that is no constraint is a soft spring, which needs no solver that holds constraints. Engines
+        # without such springs are refused when the station is resolved.
         if not engine.moves_by_forces or not self.constrains:
             return True
         is_held_by_springs = self.has_springs and engine.holds_stiff_springs

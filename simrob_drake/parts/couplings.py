@@ -1,10 +1,11 @@
 r"""The kinds of couplings that a station file can name: gears, ball joints, rods, welds, hinges and springs.
 
 A coupling holds two bodies or several axes together in addition to the joints of the robots. Bodies are links or
-tools of robots, pieces, or the world; axes are the joints of robots that motors move.
+tools of robots, pieces, or the world; axes are the joints of robots, with or without a motor.
 
-Drake's discrete solvers hold couplings as constraints. Under an implicit continuous scheme a coupling is a spring and
-a damper, so stiff that what it holds vibrates at :math:`\omega = 2000` rad/s: an acceleration :math:`a` opens it by
+A soft spring is a force. Drake's discrete solvers hold the other couplings as constraints. An implicit continuous
+scheme holds gears, welds and hinges, but no ball joints and rods, by a spring and a damper. They are so stiff that what
+they hold vibrates at :math:`\omega = 2000` rad/s: an acceleration :math:`a` opens the coupling by
 :math:`a / \omega^2`.
 
 Methods get the station at different times of its construction: `StationContents` describes the station before anything
@@ -88,7 +89,7 @@ def add_bushing(
     inertia = 0.0
     for body in bodies:
         mass += body.default_mass()
-        # Half the trace of the inertia is at least the moment of inertia about any axis.
+        # Half the trace of the inertia is at least the moment of inertia about any axis through the body's origin.
         inertia += body.default_spatial_inertia().CalcRotationalInertia().get_moments().sum() / 2
     # k = omega² m: a mass m on a spring k vibrates at omega = sqrt(k / m), with omega² = STIFFNESS_PER_INERTIA.
     linear = STIFFNESS_PER_INERTIA * mass
@@ -414,7 +415,8 @@ class Gear(CouplingSection):
             station: the station with the gear.
 
         Raises:
-            SimrobError: an axis is unknown, or the solver cannot hold the gear; the message names the key.
+            SimrobError: an axis is unknown, or the solver or the installed Drake cannot hold the gear; the message
+                names the key.
         """
         super().check(key, station)
         # The prefix is "<robot>." in a station of several robots, and empty in one of a single robot.
@@ -477,7 +479,10 @@ class Gear(CouplingSection):
         return initial_sum
 
     def coupled_joints(self, plant: StationPlant) -> list[CoupledJoint]:
-        """Find the joints of a plant that the gear couples, in the order of the plant's robots and their axes."""
+        """Find the joints of a plant that the gear couples, in the order of the plant's robots and their axes.
+
+        An axis with the ratio 0 has no part in the gear, and its joint is left out.
+        """
         coupled = []
         for robot in plant.robots.values():
             ratios = self._axis_ratios(robot)

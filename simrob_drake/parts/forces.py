@@ -124,7 +124,7 @@ class ForceSection(Strict, ABC):
 
         Raises:
             Unsuitable: the station is kinematic.
-            SimrobError: `at` names nothing, or it is left out in a station with several robots or none.
+            SimrobError: `at` names nothing or the world, or it is left out in a station with several robots or none.
         """
         if not station.engine.moves_by_forces:
             raise Unsuitable(
@@ -145,6 +145,8 @@ class ForceSection(Strict, ABC):
 
     def place_name(self, key: str, station: StationContents) -> str:
         """Name of the robot, tool, link or piece on which the force acts.
+
+        A force at a tool acts at the origin of the tool's own frame, without the offset of a tool centre point.
 
         Args:
             key: key of the section, for errors.
@@ -216,8 +218,8 @@ def add_force(
 def place_of(plant: StationPlant, place: str) -> ForcePoint:
     """Find the point at which a force acts on a robot, tool, link or piece, by its name.
 
-    On a robot it is the centre of mass of the root link, and the frame is that of the root link. Otherwise it is the
-    origin of the frame of the tool, link or piece.
+    On a robot it is the centre of mass of the root link, with all links and pieces that are fixed to it, and the frame
+    is that of the root link. Otherwise it is the origin of the frame of the tool, link or piece.
     """
     if place not in plant.robots:
         return ForcePoint(frame_of(plant, place), np.zeros(3))
@@ -250,6 +252,8 @@ class Push(ForceSection):
     @property
     def edges(self) -> tuple[float, ...]:
         """Times at which a solver's step must end [s]: begin and end of the push, and just before each of them.
+
+        There is no time before a push that begins at 0.
 
         An integration scheme that keeps its inputs constant during a step would miss a part of a push that begins
         within the step. A scheme that evaluates the force at the end of a step would take the force after the edge for

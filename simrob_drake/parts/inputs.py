@@ -12,7 +12,7 @@ LISTABLE = ("feedforward", "reference_velocity", "external_force", "external_tor
 """Inputs of a dynamic robot that the key ``inputs`` of its station can list.
 
 A robot also has such an input without that key if its servo or a controller needs it, or if a block of the user's own
-drives it."""
+drives it. Only robots with a tool have inputs of external forces and torques."""
 
 
 class InputPorts(dict[str, InputPort]):
@@ -21,8 +21,8 @@ class InputPorts(dict[str, InputPort]):
     Each robot has the input ``reference`` (n). A robot of a kinematic station also has ``reference_velocity`` and
     ``reference_acceleration``. A dynamic robot also has the inputs that the station lists under ``inputs``, and those
     that its servo, a controller or a block of the user's own needs. With several robots, these names begin with
-    ``<robot>.``. There can also be inputs of axes whose motion is prescribed, ``prescribed.<axis>``, and of signal
-    flows, ``<flow>.<block>``.
+    ``<robot>.``. Only robots with a tool have inputs of external forces and torques. There can also be inputs of axes
+    whose motion is prescribed, ``prescribed.<axis>``, and of signal flows, ``<flow>.<block>``.
     """
 
     def __init__(self, prefixes: Iterable[str] = ()) -> None:
@@ -37,12 +37,12 @@ class InputPorts(dict[str, InputPort]):
         self._listable = {f"{prefix}{key}": key for prefix in prefixes for key in LISTABLE}
 
     def __missing__(self, name: object) -> NoReturn:
-        """Raise the error of a name that is not in the mapping. It proposes the nearest name.
+        """Raise the error of a name that is not in the mapping. It proposes the nearest name, or lists the known ones.
 
         Raises:
             UnknownKey: always. It is a KeyError, too.
         """
-        # The nearest name may be that of an input that the station could have, but does not list.
+        # The nearest name, if any is similar, may be that of an input that the station could have, but does not list.
         what = message("parts.input", "input")
         listable = {
             full_name: key for full_name, key in self._listable.items() if full_name not in self

@@ -73,8 +73,8 @@ class Kinds:
 
         Raises:
             KeyError: there is no such kind.
-            BrokenExtension: the kind is one of an extension whose module cannot be imported, or the class is not
-                derived from that of the family.
+            BrokenExtension: the kind is one of an extension whose module cannot be imported, or its class is not
+                derived from the one that kinds of extensions must be derived from.
         """
         if kind not in self._classes:
             # A kind of an extension. Its module is imported here, when a station uses the kind.
@@ -105,7 +105,10 @@ class Kinds:
         return core | classes_of_extensions(self._point, self._extension_base)
 
     def forget_extensions(self) -> None:
-        """Forget the classes of extensions that were imported, for tests that install others."""
+        """Forget the validators and the mapping `models`, which contain the kinds of the installed extensions.
+
+        It is for tests that install other extensions.
+        """
         self._validator.cache_clear()
         # A cached_property keeps its value in the object's dictionary.
         self.__dict__.pop("models", None)
@@ -115,7 +118,7 @@ class Kinds:
         """Validator of a mapping of sections: a section without ``kind`` has the kind of the section's name.
 
         For example, ``sensors: {imu: {rate: 100}}`` and ``sensors: {imu: }`` are sensors of the kind ``imu``. A section
-        whose name is no kind is not changed.
+        that has a kind, or whose name is no kind, is not changed.
         """
 
         def with_kinds(entries: Any) -> Any:

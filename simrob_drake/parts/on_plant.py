@@ -38,7 +38,10 @@ from simrob_drake.robots.axis_map import AxisMap
 from simrob_drake.robots.motors import Motor, known_motors
 
 JointValues: TypeAlias = float | Sequence[float] | npt.NDArray[np.float64] | Mapping[str, float]
-"""One value for all joints with a motor, n values in the order of the joints, or values by the joint's name."""
+"""One value for all joints with an actuator, n values in the order of the joints, or values by the joint's name.
+
+A joint that a mapping leaves out has the gain 0, or as its torque limit the effort limit of its actuator. Joints
+without an actuator have 0."""
 
 MotorChoice: TypeAlias = str | Motor | Mapping[str, str | Motor]
 """A motor for all joints, or motors by the joint's name; a text is the name of a known motor."""
@@ -93,7 +96,8 @@ def add_joint_servos(
     Args:
         builder: builder of the diagram that contains the plant.
         plant: the plant, finalized.
-        joints: names of the joints; None means all joints of the model instance that turn or slide about one axis.
+        joints: names of the joints; None means all joints that turn or slide about one axis, of `model_instance` if it
+            is given.
         kp: stiffness [N·m/rad].
         kd: damping [N·m·s/rad].
         ki: integral gain [N·m/(rad·s)].
@@ -109,8 +113,9 @@ def add_joint_servos(
 
     Raises:
         UnknownName: there is no such joint or motor.
-        InvalidParameter: a value is invalid, or ``kd`` is too large for the time step of a discrete plant.
-        SimrobError: the plant is not finalized, or the actuators are connected already.
+        InvalidParameter: a value is invalid, ``kd`` is too large for the time step of a discrete plant, there are no
+            joints, a joint is named twice, or the joints are of several model instances.
+        SimrobError: the plant is not finalized or not in the builder, or the actuators are connected already.
     """
     _check_plant(builder, plant)
     found = _joints_of(plant, joints, model_instance)
@@ -195,7 +200,7 @@ def add_monitor(
         name: name of the block.
 
     Raises:
-        InvalidParameter: ``hold`` or ``after`` is not a finite time.
+        InvalidParameter: ``hold`` or ``after`` is not a finite time, or ``builder`` is no builder.
     """
     instance(builder, "builder", DiagramBuilder, _a_builder())
     # The monitor gets an input for each port, in this order, which is also that of the functions' arguments.
@@ -221,7 +226,7 @@ def add_joint_limit_monitor(
     Args:
         builder: builder of the diagram that contains the plant.
         plant: the plant, finalized.
-        joints: names of the joints; None means all joints of the model instance with one axis.
+        joints: names of the joints; None means all joints with one axis, of `model_instance` if it is given.
         margin: distance before a limit at which the run ends [rad or m].
         model_instance: model instance of the joints. It may be None if only one has joints of these names.
         hold: how long a joint must be there [s].
@@ -231,7 +236,7 @@ def add_joint_limit_monitor(
         UnknownName: there is no such joint.
         InvalidParameter: there are no joints, a joint is named twice, the joints are of several model instances, or
             ``hold`` is not a finite time.
-        SimrobError: the plant is not finalized.
+        SimrobError: the plant is not finalized, or not in the builder.
     """
     _check_plant(builder, plant)
     found = _joints_of(plant, joints, model_instance)
@@ -296,7 +301,8 @@ def add_contact_sensor(
         builder: builder of the diagram that contains the plant.
         plant: the plant, finalized.
         body: name of the body on which the force acts.
-        other: name of the body that presses on it; None means everything else. ``world`` is what stands still.
+        other: name of the body that presses on it; None means everything else. ``world`` is the plant's world body,
+            such as a floor; bodies that are welded to it have names of their own.
         frame: name of the frame in whose axes, and about whose origin, the wrench is given; None means the world's.
         model_instance: model instance of ``body`` and ``frame``; it may be None if their names are unique.
         name: name of the block; ``contact.<body>`` by default.
@@ -307,7 +313,7 @@ def add_contact_sensor(
     Raises:
         UnknownName: there is no such body or frame.
         InvalidParameter: a body has no collision shapes, or several bodies or frames have the name.
-        SimrobError: the plant is not finalized.
+        SimrobError: the plant is not finalized, or not in the builder.
     """
     _check_plant(builder, plant)
     # If it is None, the sensor takes the world's frame.
@@ -367,8 +373,9 @@ def add_imu(
 
     Raises:
         UnknownName: there is no such frame.
-        InvalidParameter: the rate, a noise or the seed is invalid, or several frames have the name.
-        SimrobError: the plant is not finalized.
+        InvalidParameter: the rate is invalid, or several frames have the name.
+        InvalidConfig: a noise, a bias or the seed is invalid.
+        SimrobError: the plant is not finalized, or not in the builder.
     """
     _check_plant(builder, plant)
     positive_rate = np.isfinite(rate) and rate > 0

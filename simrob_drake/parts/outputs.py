@@ -49,7 +49,7 @@ class FromState:
             states: positions and velocities of the whole plant, shape (m, nq + nv).
 
         Returns:
-            The values, shape (m, size).
+            The output, shape (m, any size): `size` values for each state if there is no function `finish`.
         """
         values = self._picked_values(states)
         return values if self.finish is None else self.finish(values)

@@ -40,7 +40,8 @@ class PictureLabels:
     ) -> None:
         """Label the block of the picture in which a system stands.
 
-        Systems whose names begin with the system's name and a dot stand in the same block.
+        Systems whose names begin with the system's name and a dot stand in the same block, unless a longer part of
+        their names has a label of its own.
 
         Args:
             name: name of the system.
@@ -61,6 +62,9 @@ class PictureLabels:
         )
 
     def draw_nothing(self, *names: str) -> None:
-        """Declare systems as wiring, which is drawn as a part of the arrows."""
+        """Declare systems as wiring, which is drawn as a part of the arrows.
+
+        Systems whose names begin with one of these names and a dot are wiring, too, unless they have a label.
+        """
         # None for each name: the picture draws lines through such systems, and no blocks.
         self.drawn.update(dict.fromkeys(names))

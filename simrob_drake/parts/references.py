@@ -465,7 +465,8 @@ class Table(ReferenceSection):
     def trajectory(self, robot: ResolvedRobot, start: Vector) -> Trajectory:
         """Create the trajectory, shape (n, 1) [rad or m].
 
-        It begins at the posture of the first row of the table; the positions at the start have no effect.
+        Up to the time of the first row of the table, it is at the posture of this row. The positions at the start have
+        no effect.
 
         Raises:
             InvalidConfig: the file cannot be read, or its content is wrong.
@@ -493,7 +494,7 @@ class Table(ReferenceSection):
 
         Raises:
             InvalidConfig: the file cannot be read, lacks a column, contains a value that is no number, has times that
-                do not rise, or has too many rows.
+                do not rise, or has fewer than two rows or too many.
         """
         # Columns with speeds are only read if they are used.
         names = [*axes, *speed_columns(axes)] if self.interpolation == "hermite" else axes

@@ -81,8 +81,7 @@ class ResolvedRobot:
     # name of the frame in the plant, by the name of a tool or of a carried piece
     tool_frames: Mapping[str, str]
     tcp: str  # name of the tool in use; empty if the robot has none
-    # pose of the tool centre point in the frame of the tool in use, which is then called ``tcp``; None if the point is
-    # the origin of this frame
+    # pose of the tool centre point in the frame of the tool in use; None if the point is the origin of this frame
     tcp_offset: Pose | None
     feet: FootContact | None  # contact points of its feet; None if it has no feet
     # references of axes whose motion is prescribed in a dynamic station, with one value each, by the axis's index
@@ -124,7 +123,7 @@ class ResolvedRobot:
         """Largest speed of each axis, shape (n,) [rad/s or m/s].
 
         It is the no-load speed of the axis's motor, at which its torque has fallen to zero. Without a motor, it is the
-        limit in the robot's URDF.
+        limit in the robot's URDF: infinite if the URDF gives none, and for a passive axis.
         """
         # A copy: the limits of the model are those of the URDF, whatever motors a station gives it.
         limits = np.array(self.model.speed_limits, dtype=float)

@@ -22,7 +22,8 @@ def shares_by_height(heights: Vector, lowest: float) -> Vector:
 
     Args:
         heights: heights of the points, shape (k,) [m].
-        lowest: height of the lowest point of all feet, which may be another one [m].
+        lowest: height at which the weight is 1 [m]: that of the lowest point of all feet or, where forces tell which
+            feet stand, of the points' own foot.
 
     Returns:
         The weights, shape (k,): 1 at the lowest height, nearly 0 for points of a lifted foot.

@@ -32,13 +32,17 @@ from simrob_drake.robots.axis_map import AxisMap
 
 @dataclass(frozen=True, repr=False)
 class StationRobot(ResolvedRobot):
-    """A robot in the plant of a station. It has n axes."""
+    """A robot in the plant of a station. It has n axes.
+
+    If the tool centre point is at an offset from the tool in use, its frame is a tool of its own here: `tcp` and the
+    key of the frame in `tools` are then the word ``tcp``.
+    """
 
     plant: MultibodyPlant  # plant that contains the robot
     instance: ModelInstanceIndex  # its model instance in the plant
     joints: list[Joint]  # joints of its axes, in order
     root: Frame  # frame of its root link
-    # frames of tools and carried pieces, by name; ``tcp`` is the tool in use
+    # frames of tools and carried pieces, by name
     tools: dict[str, Frame]
 
     @cached_property
@@ -49,7 +53,7 @@ class StationRobot(ResolvedRobot):
         return AxisMap.of_joints(self.plant, self.joints, signs)
 
     def free_inertias(self, context: Context | None = None) -> Vector:
-        r"""Compute the inertia that each axis feels if all other axes move freely.
+        r"""Compute the inertia that each axis feels if all else moves freely: all other axes, and a base that floats.
 
         It is :math:`1 / (M^{-1})_{ii}` with the plant's mass matrix M: a torque at axis i alone accelerates it by
         :math:`\ddot q_i = (M^{-1})_{ii} \tau_i`.
@@ -148,7 +152,8 @@ class StationPlant:
     def joints(self) -> list[Joint]:
         """Joints of the station's robots and free pieces, in the order of the plant.
 
-        If the plant is not shared, the welds that hold its other pieces are among them, too.
+        If the plant is not shared, they are all joints of the plant: those that weld fixed pieces, or a body of a
+        coupling, to the world are among them, too.
         """
         joints = [self.plant.get_joint(index) for index in self.plant.GetJointIndices()]
         if not self.is_shared:
@@ -158,7 +163,7 @@ class StationPlant:
 
     @cached_property
     def _own_instances(self) -> set[int]:
-        """Indices of the model instances of the station's robots and pieces."""
+        """Indices of the model instances of robots, which contain the pieces that they carry, and of free pieces."""
         own = [robot.instance for robot in self.robots.values()]
         own += [body.model_instance() for body in self.free_pieces.values()]
         return {int(instance) for instance in own}

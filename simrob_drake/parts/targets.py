@@ -5,6 +5,9 @@ some. A shape of a piece has the name ``<piece>.<shape>``; its owner is the piec
 robot. The floor's shapes have no owner. If the station shares a plant with others, owners begin with the *scope* of the
 station, such as ``left.``. The *prefix* of a robot begins the names of its links and tools in a station of several
 robots; in a station of one robot it is empty.
+
+Links and carried pieces that are fixed to each other are one body of the plant. So the shapes of a link are those of
+all links and carried pieces that are fixed to it.
 """
 
 from collections.abc import Iterator
@@ -49,7 +52,12 @@ def piece_of_shape(
 
 
 def owner_of_shape(plant: StationPlant, shape: GeometryId) -> str:
-    """Name of the piece, link, floor or box of a terrain to which a shape belongs. Links have their robot's prefix."""
+    """Name of the piece, link, floor or box of a terrain to which a shape belongs. Links have their robot's prefix.
+
+    Of links that are fixed to each other, it is the one after which their common body is named.
+
+    A shape of others in a plant that the station shares has its own name.
+    """
     inspector = plant.scene_graph.model_inspector()
     # A shape of the floor has no owner: its name has no "::", so that its own name stands here, which is no robot's.
     owner = inspector.GetName(shape).partition("::")[0].removeprefix(plant.scope)
@@ -101,7 +109,10 @@ def body_names(station: StationContents) -> list[str]:
 
 
 def frame_names(station: StationContents) -> list[str]:
-    """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP)."""
+    """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP).
+
+    A tool centre point at an offset from the tool in use has no name among them.
+    """
     # Links and tools have the prefix of their robot, pieces are unique in the station.
     tools = [
         f"{robot.prefix}{tool}" for robot in station.robots.values() for tool in robot.model.tools
@@ -153,6 +164,9 @@ def check_frame(station: StationContents, key: str, name: str) -> None:
 def shapes_of(plant: StationPlant, station: StationContents, name: str) -> list[GeometryId]:
     """Find the collision shapes of a body: one of :func:`body_names`.
 
+    Those of a robot include the shapes of the pieces that it carries, those of a link the shapes of all links and
+    carried pieces that are fixed to it.
+
     Raises:
         InvalidParameter: the body has no collision shapes.
     """
@@ -187,7 +201,7 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
 
 
 def _find_shapes(plant: StationPlant, station: StationContents, name: str) -> Iterator[GeometryId]:
-    """Yield the collision shapes of a body: one of :func:`body_names`."""
+    """Yield the collision shapes of a body, as :func:`shapes_of` returns them; none if it has no shapes."""
     inspector = plant.scene_graph.model_inspector()
     piece = name.partition(".")[0]
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
@@ -210,8 +224,8 @@ def _find_shapes(plant: StationPlant, station: StationContents, name: str) -> It
 def _belongs_to_name(plant: StationPlant, body: RigidBody, name: str) -> bool:
     """Check whether a body belongs to the robot or to the link that has a name.
 
-    The pieces that a robot carries belong to it. A link that is fixed to another one has no body of its own: its body
-    is that of the other link, and belongs to both.
+    The pieces that a robot carries belong to it. Links and carried pieces that are fixed to each other have one common
+    body, which belongs to each of these links.
 
     Args:
         plant: plant of the station.

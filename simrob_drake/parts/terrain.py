@@ -170,7 +170,8 @@ class Terrain(Strict):
     def depth(self) -> float:
         """Depth of the boxes' bottoms below the floor's plane [m], the level ground around the field.
 
-        All boxes end at the same depth. It is larger than the depth of the lowest top, so that each box has a height.
+        All boxes with vertical sides, see `_slab`, end at this depth. It is larger than the depth of the lowest top, so
+        that each box has a height. The plates of ridges and the stones, which are tilted, end elsewhere.
         """
         # The boxes of a grid may be lower than the ground around them, as far as its file says.
         lowest = self.heights().min() if self.kind == "grid" else -self.height
@@ -183,7 +184,7 @@ class Terrain(Strict):
             The heights, the nearest row first and each row from right to left, shape (rows, columns) [m].
 
         Raises:
-            InvalidConfig: the file is no table or picture, or the picture has too many pixels.
+            InvalidConfig: the file cannot be read as a table or picture, or the picture has too many pixels.
         """
         assert self.file is not None  # a grid has one
         if self.file.suffix.lower() != ".png":
@@ -251,7 +252,9 @@ class Terrain(Strict):
         return [replace(box, pose=heading @ box.pose) for box in boxes]
 
     def _boxes_around(self, floor: float, end: float, side: float) -> list[TerrainBox]:
-        """Create the level ground around the field, the soft patch, and the ground below the field.
+        """Create the level ground around the field, the soft patch, and the ground of the field under its other boxes.
+
+        Steps and grids have no ground under their tiles, which cover the field.
 
         Args:
             floor: side of the square floor [m].
@@ -361,7 +364,10 @@ class Terrain(Strict):
     def _stones(
         self, middles: Vector, side: float, random: np.random.Generator
     ) -> list[TerrainBox]:
-        """Create a stone near each middle: a box of random size, orientation and height."""
+        """Create a stone near each middle: a tilted box of random sides, orientation and height of its highest corner.
+
+        Its thickness is not random: it is twice the key ``height``.
+        """
         boxes = []
         for x, y in middles:
             # The order and the count of the draws determine the ground of a seed, so vectors with a z entry that is
@@ -401,7 +407,7 @@ class Terrain(Strict):
         ]
 
     def _gaps(self, middles: Vector, side: float, random: np.random.Generator) -> list[TerrainBox]:
-        """Create the level ground between the gaps, each of which is at the middle of a row."""
+        """Create the level ground before, between and after the gaps, each of which is at the middle of a row."""
         # Along the field: its begin, the begin and the end of each gap, and the end of the field.
         edges = [self.start]
         for x in np.unique(middles[:, 0]):

@@ -17,6 +17,7 @@ from simrob_drake.base.errors import Unsuitable, format_count
 from simrob_drake.base.frames import PoseLike, as_transform, pose_from_transform
 from simrob_drake.base.messages import message
 from simrob_drake.base.renaming import keep_former_attributes
+from simrob_drake.base.yaml_files import is_yaml_name
 from simrob_drake.parts.resolved import WORLD
 from simrob_drake.programs.arm import Workcell, workcell_of
 from simrob_drake.programs.geometry import LeggedGeometry
@@ -93,6 +94,11 @@ class LeggedRobot(LeggedGeometry):
             Unsuitable: there are overrides for a workcell.
         """
         super().__init__(workcell_of(station, overrides), robot)
+        # A saved program names the station, unless no name gives this very station.
+        self._station_name: str | None = None
+        if isinstance(station, str | Path) and not overrides:
+            is_file = is_yaml_name(str(station))
+            self._station_name = str(Path(station).absolute()) if is_file else str(station)
         self.program = Program()
         # The station at the start, to which `reset` and `simulate` return: attached pieces change the present one.
         self._start = self.cell.config
@@ -467,8 +473,15 @@ class LeggedRobot(LeggedGeometry):
         self._restore(self._past.pop())
 
     def save(self, file: Path | str) -> Path:
-        """Write the program as YAML; see :meth:`Program.save`."""
-        return self.program.save(file)
+        """Write the program as YAML; see :meth:`Program.save`.
+
+        The file names the station of this robot, so that ``simrob run FILE`` runs it, unless the program already names
+        one. A station without a name (a configuration, a workcell, or one with overrides) is left out.
+        """
+        program = self.program
+        if program.station is None and self._station_name is not None:
+            program = program.on(self._station_name)
+        return program.save(file)
 
     def load(self, file: Path | str) -> None:
         """Replace the stored program by that of a YAML file. The robot stays where it is.

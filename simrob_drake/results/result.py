@@ -94,7 +94,7 @@ def _table_of_pieces(result: RecordedRun) -> Table:
 
 
 def _table_of_joints(result: RecordedRun) -> Table:
-    """Table with reference, position and torque at the end, largest torque and limit, of each axis of all robots."""
+    """Table of each axis of all robots: reference, position, torque at the end, largest torque, and its limit then."""
     unit_heading = message("results.heading_unit", "unit")
     table: Table = [
         [
@@ -126,11 +126,17 @@ def _row_of_axis(result: RecordedRun, robot: StationRobot, index: int) -> list[s
     reference = result[f"{robot.prefix}q_ref.{axis}"][-1] / user_unit
     position = result[f"{robot.prefix}q.{axis}"][-1] / user_unit
     torque = result[f"{robot.prefix}tau.{axis}"]
-    peak = torque[np.argmax(np.abs(torque))]  # with its sign
+    peak_row = int(np.argmax(np.abs(torque)))
+    peak = torque[peak_row]  # with its sign
     is_prescribed = not result.config.engine.moves_by_forces
     has_limit = not is_prescribed and not robot.gains.passive[index]
-    # The limit at rest. A passive axis and a kinematic station have no torque that could be limited.
+    # A passive axis and a kinematic station have no torque that could be limited.
     limit = robot.gains.torque_limit[index]
+    if robot.gains.line is not None:
+        # A motor that brakes may give more than its limit at rest. Beside the peak stands what it could give then.
+        speed = result.axes("v", robot.name)[peak_row]
+        lower, upper = robot.gains.line.bounds(speed, robot.gains.torque_limit)
+        limit = upper[index] if peak > 0 else -lower[index]
     return [
         f"{robot.prefix}{axis}",
         compound("{value:z.3f}", value=reference),
@@ -138,7 +144,7 @@ def _row_of_axis(result: RecordedRun, robot: StationRobot, index: int) -> list[s
         robot.model.unit_names[index],
         compound("{value:z.3f}", value=torque[-1]),
         compound("{value:z.3f}", value=peak),
-        compound("{limit:g}", limit=limit) if has_limit else "–",
+        compound("{limit:.4g}", limit=limit) if has_limit else "–",
         robot.model.effort_units[index],
     ]
 

@@ -140,7 +140,8 @@ def _is_default(
 def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
     """Find the class of a section by its path of keys and its kind.
 
-    Returns None if sections at this path have no kinds, or if no class of this kind is installed.
+    Only the solver, references and entries of _ENTRY_KINDS are known here. Returns None for a section at another path,
+    such as a block of a signal flow, or if no class of this kind is installed.
     """
     if path == ["solver"]:
         kinds = SOLVERS
@@ -158,9 +159,10 @@ def _class_of(path: list[str], kind: str) -> type[BaseModel] | None:
 def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
     """Combine earlier settings of a station with later ones, which replace them.
 
-    A later setting of a section's kind drops the earlier settings of that section, which were made for its old kind. It
-    drops nothing if the earlier settings give the same kind already. A new number for all axes, such as ``servo.kp``,
-    drops earlier numbers of single axes, such as ``servo.kp.joint_2``.
+    A later setting of a section's kind drops the earlier settings below that section, since they may be meant for
+    another kind. It drops nothing if an earlier setting ``<section>.kind`` has the same value. A later number, such as
+    ``servo.kp`` for all axes, drops earlier settings below its key, such as ``servo.kp.joint_2``. Keys that are in both
+    mappings have the later value.
 
     Args:
         settings: earlier settings, by dotted key such as ``reference.duration``.
@@ -181,7 +183,7 @@ def settings_with(settings: Mapping[str, Any], changes: Mapping[str, Any]) -> di
         # A setting that repeats the kind of the earlier settings drops nothing.
         if change is None or kept.get(f"{change.section}.{_KIND}") == change.kind:
             continue
-        # Keys that are set together with the new kind are meant for it, and stay.
+        # Keys that the changes set, too, are meant for the new kind, and stay.
         for earlier_key in settings:
             is_in_section = earlier_key.startswith(f"{change.section}.")
             if is_in_section and earlier_key not in changes:

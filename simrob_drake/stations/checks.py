@@ -96,7 +96,8 @@ def check_station(config: StationConfig) -> list[Finding]:
 def _signal_finding(signal: Signal) -> Finding:
     """Describe the columns that a signal of a sensor, piece or block adds to the results, with their units.
 
-    Several columns are described by the first and the last one, such as ``imu.x … z``.
+    Several columns are described by the first and the last one, such as ``imu.x … z``. Each unit is named once, so
+    their count is not that of the columns.
     """
     columns = signal.names[0]
     if len(signal.names) > 1:
@@ -115,7 +116,7 @@ def _signal_finding(signal: Signal) -> Finding:
 def holding_torque(plant: StationPlant, robot: StationRobot, position: Vector) -> Vector:
     """Compute the torques (n,) [N·m or N] that hold a robot still against gravity at a posture (n,) [rad or m].
 
-    Forces of contacts are left out, so the result is right only for a robot that its root holds.
+    Forces of contacts and of couplings are left out, so the result is right only for a robot that its root holds.
     """
     context = plant.plant.CreateDefaultContext()
     robot.axis_map.set_positions(plant.plant, context, position)
@@ -145,7 +146,8 @@ def _mount_text(piece: ResolvedPiece) -> str:
     # Adding 0.0 turns -0.0 into 0.0.
     coordinates = [compound("{value:.4g}", value=value) for value in piece.pose.translation() + 0.0]
     text = message("stations.hangs_on", "mounted on {parent}", parent=piece.parent)
-    # `mount` is the frame on which the piece hangs, whose name begins with that of the parent; empty for the world.
+    # `mount` is the frame on which the piece hangs; empty for the world. If the parent is a piece, the name of the
+    # frame begins with that of the parent; a frame of a robot has no such prefix.
     if piece.mount:
         frame = piece.mount.removeprefix(f"{piece.parent}_")
         text += message("stations.at_frame", ", at frame {frame}", frame=frame)
@@ -320,7 +322,7 @@ def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding
 def _motor_findings(robot: StationRobot) -> list[Finding]:
     """Describe the motors of a robot; axes with equal motors share one finding.
 
-    Axes whose motors have no model, only a torque limit, are left out.
+    Axes without a model of a motor are left out: passive axes, and axes of which only a torque limit is known.
     """
     axes_by_text = dict[str, list[str]]()
     for axis, unit, motor in zip(robot.axes, robot.model.units, robot.motors, strict=True):
@@ -378,7 +380,10 @@ def _holding_findings(
     robot: StationRobot,
     reference: Reference | None,
 ) -> list[Finding]:
-    """Predict torques and sag of a robot along its reference. Returns a note if the robot has no reference."""
+    """Predict torques of a robot along its reference, its sag at the end, and its payload.
+
+    Returns only a note if the robot has no reference.
+    """
     if reference is None:
         text = message(
             "stations.controller_decides",
@@ -624,6 +629,8 @@ def _contact_model_findings(ports: StationPorts) -> list[Finding]:
 def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
     """Report the two bodies that overlap most at the start, in the default context of the station's diagram.
 
+    Pairs that a collision filter excludes, such as neighbouring links, are not measured.
+
     Returns:
         one finding: a warning if they overlap by more than TOUCHING, otherwise that this is in order. For a station
         without contact it is a note, and nothing is measured.
@@ -644,7 +651,7 @@ def contact_findings(diagram: Diagram, ports: StationPorts) -> list[Finding]:
         return [Finding("ok", CONTACT, text)]
     if overlap.depth <= TOUCHING:
         return [Finding("ok", CONTACT, str(overlap))]
-    # A run does not begin if a piece is too deep in another body.
+    # A run does not begin if a piece is too deep in another body, also in the floor. Other overlaps do not prevent it.
     has_piece = overlap.first in ports.config.pieces or overlap.second in ports.config.pieces
     is_refused = has_piece and overlap.depth > allowed_overlap(ports.config)
     consequence = ""

@@ -4,9 +4,9 @@ A *start* is a first posture, the height of the root, and the target of a first 
 the robot's n axes, in rad or m. A *follower* is an axis that a coupling moves along with another axis, its leader.
 
 A start is clear if no body of the robot lies in the floor or too near to it, no link overlaps another one, and no motor
-needs more torque than it has to hold the posture. The search begins with the home posture of the robot, and with the
-same posture after its links were moved apart. It goes on to postures that differ from the latter in one axis, in two
-and in three, and then to random postures. Of equally simple postures it takes the one that is farthest from a
+needs more than 90 % of its torque to hold the posture. The search begins with the home posture of the robot, and with
+the same posture after its links were moved apart. It goes on to postures that differ from the latter in one axis, in
+two and in three, and then to random postures. Of equally simple postures it takes the one that is farthest from a
 singularity and has a clear first move.
 """
 
@@ -84,7 +84,8 @@ class Faults(NamedTuple):
     Attributes:
         low: height that is missing between a link and its required height over the floor [m].
         overlap: depth of the deepest overlap between two links of the robot [m].
-        overload: torque that a motor lacks, as a share of its largest torque.
+        overload: load of the most loaded motor above the largest allowed load of _LOAD; both are shares of the motor's
+            largest torque.
     """
 
     low: float
@@ -132,7 +133,7 @@ def _faults_in_words(faults: Vector) -> list[str]:
 
 
 class ClearStart:
-    """The search for a start. Its random numbers have a fixed seed, so that the result is always the same.
+    """The search for a start. Its random numbers have a fixed seed, so that each new search gives the same result.
 
     Attributes:
         height: height of the root over the floor [m]. The robot stands on its bodies that do not move, or hangs over
@@ -163,7 +164,7 @@ class ClearStart:
         self._random = np.random.default_rng(0)
         self._home = robot.model.home
         self._longest_chain = max(clearance.chains(robot), key=lambda chain: len(chain.axes))
-        # Indices of the axes that the search moves. Fingers stay open, and the positions of
+        # Indices of the axes that the search moves. Fingers stay where they are at home, and the positions of
         # followers (coupled axes) result from those of their leaders.
         self._axes = []
         for index, name in enumerate(robot.axes):
@@ -269,15 +270,16 @@ class ClearStart:
     def _require_height(self, height: float) -> None:
         """Set the height over the floor [m] that all moving bodies must have, or as much of it as they can have.
 
-        The attribute `_required_heights` gets an entry for each of the k bodies with shapes, shape (k,) [m], less the
-        rounding. The entry is -inf for a body that does not move.
+        A body can have what it has in the home posture or in one of the random postures. The attribute
+        `_required_heights` gets an entry for each of the k bodies with shapes, shape (k,) [m], less the rounding. The
+        entry is -inf for a body that does not move.
         """
         self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 
     def _heights(self, posture: Vector) -> Vector:
-        """Set the robot to a posture, and measure the heights of its k bodies with shapes, shape (k,) [m].
+        """Set the robot to a posture, and measure the lowest points of its k bodies with shapes, shape (k,) [m].
 
-        The heights are measured from the floor of a station in which the root is at the origin.
+        The result has the height of the lowest point of each body over the floor, while the root is at the origin.
         """
         self._clearance.place_robots({self._robot.name: posture})
         return np.array(list(self._clearance.lowest(self._robot).values()))
@@ -351,11 +353,11 @@ class ClearStart:
         return bool(((posture >= lower) & (posture <= upper)).all())
 
     def _dexterity(self, posture: Vector) -> float:
-        """Set the robot to a posture, and compute how far it is from a singularity.
+        """Compute how far a posture is from a singularity.
 
         This is the least singular value of the Jacobian of the body at the end of the longest chain of axes. Its
-        translations are divided by the largest of them, so that the value has no unit. It is 1 if the chain has
-        too few axes to be judged.
+        translations are divided by the largest of them, so that the value has no unit. The robot is set to the posture
+        for this. If the chain has too few axes to be judged, the value is 1, and the robot stays as it is.
         """
         body, axes = self._longest_chain
         if len(axes) < _CHAIN:
@@ -382,9 +384,9 @@ class ClearStart:
     def _target(self, posture: Vector) -> Vector | None:
         """Find the end of a first move without faults from a posture (n,), shape (n,) [rad or m].
 
-        All axes move to the side on which their limit is farther away. If this move has
-        faults, each axis in turn moves to a side on which the move has no faults, or stays.
-        Returns None if all axes stay then, or if the move of all these axes has faults.
+        All axes but fingers move to the side on which their limit is farther away; followers move with their leaders.
+        If this move has faults, or takes a follower beyond a limit, each axis in turn moves to a side on which the move
+        has no faults, or stays. Returns None if all axes stay then, or if the move of all these axes has faults.
         """
         step = self._with_followers(posture, self._largest_step(posture))
         # Leaders stay within their limits by construction of the step, but followers may not.
@@ -418,13 +420,14 @@ class ClearStart:
         return np.asarray(np.sign(to_limit) * np.minimum(largest, by_range))
 
     def _combined_step(self, posture: Vector, step: Vector) -> Vector:
-        """Combine the parts of a step that have no faults, axis by axis.
+        """Combine the parts of a step that have no faults and end within the limits, axis by axis.
 
         To save time, few postures of each move are checked here.
 
         Args:
             posture: posture at the start of the move, shape (n,) [rad or m].
-            step: largest step of each axis, shape (n,) [rad or m]. Each axis makes its step, the opposite, or none.
+            step: largest step of each axis, shape (n,) [rad or m]. Each axis makes its step, the opposite, or none,
+                but followers move with their leaders.
 
         Returns:
             the combined step, shape (n,) [rad or m]; zero for an axis that stays.

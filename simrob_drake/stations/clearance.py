@@ -245,8 +245,9 @@ def _contact_distances(
 ) -> dict[str, float]:
     """Compute for each link with contacts their smallest distance from its joint, as a part of the link's length.
 
-    The length is the distance of the farthest point of the link's shapes from the joint. The root link, and a link
-    without shapes, get 1. The result, by the name of the link, is `Standing.carrying_links`.
+    The length is the distance of the farthest point of the body's shapes from the body's joint; a body has the shapes
+    of all links that are fixed together. The root link, and a link without shapes, get 1. The result, by the name of
+    the link, is `Standing.carrying_links`.
     """
     by_link: dict[str, list[StandingContact]] = {}
     for contact in contacts:
@@ -259,7 +260,8 @@ def _contact_distances(
         if is_root or length == 0:
             distances[link] = 1.0
             continue
-        # The origin of a link's frame is at its joint.
+        # The origin of a link's frame is at its joint. A foot that is fixed to another link has a frame of its own on
+        # the body of that link, and its contacts are measured from there.
         joint_position = frame.CalcPoseInWorld(context).translation()
         points = np.array([contact.point for contact in on_link])
         nearest = np.linalg.norm(points - joint_position, axis=1).min()
@@ -311,7 +313,8 @@ def _vertical_jacobian(
 def _vertical_forces(points: Vector, com: Vector, weight: float) -> Vector:
     """Share the weight among contacts, as evenly as the balance of moments about the centre of mass allows.
 
-    If the centre of mass is outside of the support area, there is no balance, and the shares are the nearest to it.
+    If the centre of mass is outside of the support area, there is no balance: the shares are the nearest to it, and
+    their sum may differ from the weight.
 
     Args:
         points: positions of the k contacts in the world, shape (k, 3) [m].
@@ -383,7 +386,7 @@ class Clearance(PosedStation):
                 the home posture itself is judged.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station has a defect, such as a robot that cannot be built.
         """
         self.config = config
         # Without a contact section the plant would have no collision shapes, and without self_collision Drake would not
@@ -443,7 +446,10 @@ class Clearance(PosedStation):
         return [overlap for overlap in collisions if FLOOR not in overlap.bodies]
 
     def own_overlaps(self, robot: StationRobot, posture: Vector) -> list[Overlap]:
-        """Set a robot to a posture (n,) [rad or m] and find its collisions with itself, the deepest first."""
+        """Set a robot to a posture (n,) [rad or m] and find its collisions with itself, the deepest first.
+
+        The pieces that it carries are parts of it.
+        """
         self.place_robots({robot.name: posture})
         return [overlap for overlap in self.overlaps() if overlap.robot == robot.name]
 
@@ -455,8 +461,10 @@ def neighbouring_postures(
 ) -> Iterator[Vector]:
     """Yield postures that differ from a posture in one axis, by one of TURNS or SLIDES. The posture itself is left out.
 
+    Axes that a coupling moves along (followers) keep their positions.
+
     Args:
-        robot: the robot; postures beyond its limits are left out.
+        robot: the robot; postures with the changed axis beyond a limit are left out.
         posture: positions of the n axes, shape (n,) [rad or m].
         axes: indices of the axes that may differ.
     """
@@ -481,7 +489,7 @@ def reduce_own_overlaps(
 
     Each step takes the move that reduces the overlaps most. Only the axes between the two links that overlap most are
     tried, since no other axis changes their overlap. An overlap of a carried piece or of the base is reduced only by
-    the axes of the other link.
+    the axes of the other link. Axes that a coupling moves along with their leaders (followers) are not taken along.
 
     Args:
         clearance: the station with the robot; the robot's posture is changed.

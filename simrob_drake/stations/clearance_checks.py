@@ -143,7 +143,9 @@ def _measure(clearance: Clearance, references: Mapping[str, Reference]) -> _Meas
 def _floor_findings(
     clearance: Clearance, robot: StationRobot, measured: _Measurements, when_checked: str
 ) -> list[Finding]:
-    """Report how low the links of a robot reach: links below the ground, otherwise the link that is nearest to it.
+    """Report how low a robot reaches: the link that is deepest below the ground, otherwise the one nearest to it.
+
+    A link counts as below the ground if it is deeper than the bound ``below_floor`` of the verdict.
 
     Args:
         clearance: the station.
@@ -152,8 +154,9 @@ def _floor_findings(
         when_checked: text that describes the checked postures, such as "at the start,".
 
     Returns:
-        one note if the station has no ground. Otherwise one finding about the moving links, which is a note if none of
-        them has a shape; before it, a warning if fixed links are below the ground.
+        one note if the station has no ground. Otherwise one finding about the moving links: a note if none of them has
+        a shape, that it is in order if none is below the ground, otherwise that of `_contact_finding`. Before it, a
+        warning if fixed links are below the ground.
     """
     ground = clearance.station.ground
     subject = message("stations.floor_and", "floor and {robot}", robot=robot.name)
@@ -259,7 +262,7 @@ def _self_findings(
         when_checked: text that describes the checked postures, such as "at the start,".
 
     Returns:
-        one finding, which also lists the pairs of the robot's bodies that never count as a collision.
+        one finding, which also lists the pairs of bodies that `_left_out_text` names.
     """
     subject = message("stations.links_of", "links of {robot}", robot=robot.name)
     left_out = _left_out_text(clearance, robot)
@@ -283,9 +286,10 @@ def _self_findings(
 
 
 def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
-    """List the pairs of a robot's bodies that never count as a collision, with the reasons.
+    """List the pairs of a robot's bodies that overlap at home or nearly always and so do not count as collisions.
 
-    Its bodies are its links and the pieces that it carries.
+    Its bodies are its links and the pieces that it carries. Links that a joint connects do not count either, and are
+    not listed.
 
     Returns the end of a sentence, or an empty text if there are no such pairs.
     """

@@ -131,7 +131,8 @@ def closed_station(
         sensors: names of the sensors that are added; all sensors by default.
         forces: whether the forces of the configuration act.
         monitors: whether monitors are blocks of the diagram. Otherwise the recorder of the run evaluates them.
-        blocks: controllers and other blocks of the user's own, by name; by default those of the configuration.
+        blocks: blocks that the user has written, by name; by default those of the configuration (controllers of the
+            kind ``own``). Its controllers of other kinds are added in any case.
         lean: whether blocks that only report, such as poses, are left out unless another block reads them. In a dynamic
             station without blocks and controllers, the blocks that only pass a reference on are left out, too.
 
@@ -243,7 +244,8 @@ def _add_source(
     These are the inputs for positions, velocities and accelerations that the robot has and that no block drives.
 
     Returns:
-        the source, or None if a block drives the input of the positions. Then nothing is added.
+        the source, or None if a block drives the input of the positions. Then nothing is added, also for velocities
+        and accelerations.
     """
     free = []
     for name in _MOTION:
@@ -359,7 +361,8 @@ def station_references(
 ) -> dict[str, Reference]:
     """Determine the reference of each robot, by the robot's name.
 
-    Coupled axes for which no reference is requested follow the axes to which they are coupled.
+    Coupled axes to which neither the requested references nor those of the configuration give a value of their own
+    follow the axes to which they are coupled, see `obey_couplings`.
 
     Args:
         station: the station.
@@ -448,8 +451,8 @@ def check_reference(robot: ResolvedRobot, reference: Reference, duration: float)
     """Check a reference against the joint limits of a robot, over a run of a duration [s].
 
     Raises:
-        InvalidParameter: a position is beyond its limits by more than rounding, or not finite. The error names the
-            joint, the time, the value and the limits.
+        InvalidParameter: a sampled position is beyond its limits by more than rounding, or not finite. The error names
+            the joint, the time and the value, and the limits unless the value is not finite.
     """
     # A reference is any function of time, so that it is sampled: between samples it may exceed a limit slightly.
     times, positions = reference_samples(reference, duration)

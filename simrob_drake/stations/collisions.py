@@ -245,8 +245,8 @@ class CollisionPolicy:
         The result is negative if only the convex hulls overlap and the parts do not.
 
         Args:
-            depth: overlap of the convex hulls [m]. It is returned if neither shape is a
-                concave mesh.
+            depth: overlap of the convex hulls [m]. It is returned if neither shape has convex
+                parts, or if one of them is a half-space.
             first: one shape.
             second: the other shape.
         """
@@ -258,7 +258,7 @@ class CollisionPolicy:
 
     @cached_property
     def home_contacts(self) -> Mapping[Bodies, str]:
-        """Pairs of links that touch in the home posture of their robot, with the robot's name.
+        """Pairs of links that touch in the home posture of their robot, within its limits, with the robot's name.
 
         Pairs with a piece are not included: that a piece touches a link at home is no property of the robot. The
         mapping is empty if the home posture itself is checked (``trusts_home`` is False).

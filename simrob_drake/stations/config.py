@@ -504,10 +504,11 @@ class StationConfig(Renamed):
         return self.robots[robot].servo or self.servo
 
     def motors_are_dampers(self, robot: str) -> bool:
-        """Whether dampers of Drake's joints realize the torque lines of a robot's motors.
+        """Whether dampers of Drake's joints realize the torque lines of a robot's motors, if it has motor models.
 
         The torque of a motor falls with its speed along a line. Servos in the plant's actuators, or an engine that
-        limits torques there, cannot compute this fall; a damper of the joint can.
+        limits torques there, cannot compute this fall; a damper of the joint can. Some engines, such as MuJoCo, allow
+        no such dampers.
         """
         engine = self.engine
         # In a kinematic station no motor gives a torque.

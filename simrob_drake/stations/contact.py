@@ -77,7 +77,9 @@ def apply_materials(
 ) -> None:
     """Write stiffness, dissipation, friction and modulus into the shapes of a station, before its plant is finalized.
 
-    The plant also gets the speed up to which contacts stick. Without a section ``contact`` nothing is written.
+    The plant also gets the speed up to which contacts stick. The modulus is written only for shapes that touch over
+    surfaces. Values that neither the station nor a piece gives stay as they are in the shape. Without a section
+    ``contact`` nothing is written.
 
     Finalizing makes the collision filters between neighbouring links, and a shape would lose them if its material were
     written later.
@@ -339,7 +341,7 @@ def _check_stiffness(solver: SolverConfig, body: RigidBody, stiffness: float) ->
     """
     largest = largest_stiffness(solver, body.default_mass())
     if stiffness > largest:
-        # The length of the steps is the reason for the limit with discrete solvers only. For others the kind is named.
+        # The message has the step of a discrete solver, and the kind of any other one.
         solver_text: str = solver.kind
         if solver.engine.has_discrete_states:
             solver_text = message("stations.steps_of", "steps of {step:g} s", step=solver.step)
@@ -367,10 +369,10 @@ def wire_friction(builder: DiagramBuilder, ports: StationPorts) -> None:
     * An engine that computes friction itself, such as one of an extension, needs nothing, and nothing is added.
     * With the solver ``cenic`` friction is computed by blocks, since its actuators hold one torque for each joint, that
       of the motor.
-    * Otherwise the plant has an actuator for the friction of each joint: a servo without stiffness whose torque limit
-      is the friction, and which pulls the joint to rest. Its desired state, zero, is connected here, unless the robot's
-      servos have the realization ``implicit``. Then the servos are actuators, too, and the one port for the desired
-      state of all actuators of the robot is connected already, with the speed zero for friction.
+    * Otherwise the plant has an actuator for the friction of each joint that has any: a servo without stiffness whose
+      torque limit is the friction, and which pulls the joint to rest. Its desired state, zero, is connected here,
+      unless the robot's servos have the realization ``implicit``. Then the servos are actuators, too, and the one port
+      for the desired state of all actuators of the robot is connected already, with the speed zero for friction.
 
     ``cenic`` linearises the forces of blocks at the start of a step h. Friction c that reverses a joint's motion within
     a step would reverse it again in the next one, and so on. So the speed v_s above which friction is constant is at
@@ -413,8 +415,8 @@ def with_friction(
 
     The sum is what the motors give: the signal ``torque`` of the robot in the results. Torques lack friction if they
     come from the inverse dynamics of a kinematic station, from the actuators of a discrete solver, or from the
-    reaction forces of joints. With a discrete solver, friction is one more actuator of each joint (see
-    :func:`wire_friction`), so the sum over a joint's actuators is the motor's torque minus friction.
+    reaction forces of joints. With a discrete solver, friction is one more actuator of each joint that has friction
+    (see :func:`wire_friction`), so the sum over a joint's actuators is the motor's torque minus friction.
 
     Args:
         builder: builder of the station's diagram, to which blocks are added.
@@ -434,7 +436,7 @@ def with_friction(
         weights[list(axes)] = 1.0
     if not (weights * robot.model.friction).any():
         return torque
-    # The speed above which friction is constant, as in the robot's file.
+    # The speed above which friction is constant: that of the robot's drives.
     speeds = np.full(count, robot.model.drives.friction_speed)
     friction = _sliding(builder, ports, robot, speeds)
     if not weights.all():

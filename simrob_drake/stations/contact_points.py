@@ -132,9 +132,10 @@ class ContactPoints:
 
 
 def uses_contact_points(config: StationConfig) -> bool:
-    """Whether the flat shapes of a station get balls: in point contact, unless ``contact.corners`` is false.
+    """Whether flat shapes of a station may get balls: in point contact, unless ``contact.corners`` is false.
 
-    Engines that find several contact points for each pair of shapes need no balls.
+    They get none in a kinematic station, which has no contact forces, and with an engine that finds several contact
+    points for each pair of shapes. :func:`add_contact_points` decides which shapes get balls.
     """
     contact = config.contact
     if contact is None or not config.has_contact_forces or config.engine.touches_at_several_points:
@@ -151,8 +152,10 @@ def add_contact_points(
 ) -> ContactPoints:
     """Register the balls of a station's flat shapes in the plant, before the plant is finalized.
 
-    Free pieces and robots that float get balls. If there are any of these, the bodies on which they can lie and
-    between which they can be held get balls, too: fixed and carried pieces, and the fingers of robots.
+    Free pieces get balls, and so do robots that float: only their feet if they have feet, otherwise all their links,
+    and the pieces that they carry. If there are any of these, the bodies on which they can lie and between which they
+    can be held get balls, too: the other pieces, and the fingers of robots that do not float. Only flat shapes get
+    balls.
 
     Args:
         plant: the plant with all robots and pieces, not finalized.
@@ -174,7 +177,8 @@ def add_contact_points(
     if not free:  # nothing rests on a face, and balls would only cost time
         return points
     supports = [shape for shape in flat if owners.is_support(shape)]
-    # The heaviest body presses balls in deepest: balls that are large enough for it suit all others.
+    # The heaviest free body presses balls in deepest: its weight is the load by which the radii of all balls are
+    # chosen.
     heaviest = max(owners.moved_mass(shape) for shape in free)
     load = heaviest * abs(station.config.gravity)
     for shape in [*free, *supports]:
@@ -262,7 +266,10 @@ class _ShapeOwners:
         return next((robot for robot in self.robots if robot.instance == instance), None)
 
     def moved_mass(self, shape: GeometryId) -> float:
-        """Mass of the free piece, or of the whole robot with what it carries, with which a shape moves [kg]."""
+        """Mass of the free piece, or of the whole robot with what it carries, with which a shape moves [kg].
+
+        Pieces that are mounted on a free piece are not counted.
+        """
         instance = self.body(shape).model_instance()
         indices = self.plant.GetBodyIndices(instance)
         return float(sum(self.plant.get_body(index).default_mass() for index in indices))
@@ -270,7 +277,8 @@ class _ShapeOwners:
     def is_free(self, shape: GeometryId) -> bool:
         """Whether contact carries the body of a shape: a free piece, a robot that floats, or a piece on such a robot.
 
-        If the robot has feet, only these of its links are carried by contact.
+        If the robot has feet, only these of its links are carried by contact. A piece that is mounted on a free piece
+        does not count as free.
         """
         piece = self.piece(shape)
         # A piece that no robot carries has the world as its carrier.
@@ -289,7 +297,7 @@ class _ShapeOwners:
         return self.body(shape).index() in feet
 
     def is_support(self, shape: GeometryId) -> bool:
-        """Whether free bodies can lie on a shape or be held by it: a fixed or carried piece, or a finger.
+        """Whether free bodies can lie on a shape or be held by it: that of a piece that is not free, or of a finger.
 
         Fingers of robots that float, and pieces that such robots carry, do not count.
         """
@@ -522,7 +530,7 @@ def _ball_radius(shortest_side: float, depth: float) -> float:
     """
     # Small balls keep the shape's form; only soft contacts need larger ones.
     usual = min(LARGEST_RADIUS, RADIUS_SHARE * shortest_side)
-    # With the factor 2, a ball sinks in by no more than half of its radius.
+    # With the factor 2, a ball sinks in by no more than half of its radius, unless the shape's side limits the radius.
     soft = min(2 * depth, SOFT_RADIUS_SHARE * shortest_side)
     return max(usual, soft)
 

@@ -202,9 +202,10 @@ def coupled_start(
     models: Mapping[str, RobotModel],
     positions: Mapping[str, Vector],
 ) -> dict[str, Vector]:
-    """Compute initial positions that obey the couplings, by moving axes.
+    """Compute initial positions that obey the gears with a total, by moving axes.
 
-    Axes that ``initial_deg`` names in a mapping or a list stay. If it is one number, any coupled axis may move.
+    Axes that ``initial_deg`` names in a mapping or a list stay. If it is one number or left out, any coupled axis may
+    move.
 
     Args:
         config: configuration of the station.
@@ -316,7 +317,8 @@ def starting_positions(
 
     Raises:
         InvalidParameter: the initial position of an axis is beyond its limits by more than rounding, ``initial_deg``
-            contradicts a coupling, or couplings contradict each other.
+            contradicts a coupling or is a list of the wrong length, or couplings contradict each other.
+        UnknownName: ``initial_deg`` names an axis that the robot does not have.
     """
     positions = {
         name: _initial_position(config.robots[name], name, model) for name, model in models.items()
@@ -332,8 +334,12 @@ def starting_positions(
 def _initial_position(entry: RobotConfig, robot: str, model: RobotModel) -> Vector:
     """Compute the initial positions (n,) [rad or m] of a robot from ``initial_deg``, before couplings are considered.
 
-    Without ``initial_deg`` the robot begins at home. Axes that a mapping leaves out begin at zero, or at home if zero
-    is outside their ranges.
+    Without ``initial_deg`` the robot begins at home. One number or a list gives the position of every axis. Axes that a
+    mapping leaves out begin at zero, or at home if zero is outside their ranges.
+
+    Raises:
+        InvalidParameter: ``initial_deg`` is a list of the wrong length.
+        UnknownName: ``initial_deg`` names an axis that the robot does not have.
     """
     if entry.initial_deg is None:
         return model.home

@@ -42,7 +42,7 @@ def obey_couplings(
     requested: Collection[str],
     starts: Mapping[str, Vector],
 ) -> dict[str, Reference]:
-    """Change references so that coupled axes without a target of their own follow their partners.
+    """Change references so that coupled axes follow their partners, if the user gives no value for the axis itself.
 
     Args:
         station: the station with the robots and couplings.
@@ -56,7 +56,8 @@ def obey_couplings(
         the references by robot; robots without axes that have to follow keep the same objects.
 
     Raises:
-        InvalidParameter: references contradict a coupling, or leave open which axis gives way.
+        InvalidParameter: references contradict a coupling, or an axis has to change whose partner could change in its
+            place, since the user gives no value for either.
     """
     coupled = station.couplings_of_axes
     if not coupled:
@@ -276,7 +277,7 @@ def _with_prescribed(robot: ResolvedRobot, reference: Reference) -> Reference:
 def _comparison_times(references: Mapping[str, Reference], duration: float) -> Vector:
     """Choose the times at which references are compared with couplings, shape (m,) [s].
 
-    The times reach from zero to the end of the run, or of the longest reference if that is later.
+    The times reach from zero to the end of the run, or of the longest reference that ends if that is later.
 
     Args:
         references: references by robot.

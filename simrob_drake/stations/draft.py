@@ -92,12 +92,14 @@ def draft_station(
 ) -> str:
     """Write the YAML text of a first station for a robot.
 
-    A robot with a fixed base starts clear of the floor and of itself, and moves all joints a little way under joint
-    torque, in continuous time if a trial run gets to its end quickly enough, otherwise in discrete steps. If it has
-    fingers, a program closes and opens them after this move, in discrete steps. If it has closed kinematic loops, it
-    begins in a posture that closes them, which is not checked for collisions, and moves in discrete steps. A robot with
-    a floating base is put on its feet in a posture in which it stands in a trial run; a monitor ends the run if it
-    falls. A robot without inertias moves kinematically. Comments in the file list what was checked, tried and found.
+    A robot with a fixed base starts clear of the floor and of itself if such a start is found, and moves its joints a
+    little way under joint torque, in continuous time if a trial run gets to its end quickly enough, otherwise in
+    discrete steps. If it has fingers, a program closes and opens them after this move, in discrete steps. If it has
+    closed kinematic loops, it begins in a posture that closes them, which is not checked for collisions, and moves in
+    discrete steps. A robot with a floating base is put on its feet in a posture in which it stands in a trial run, if
+    one is found; a monitor ends the run if it falls. The root of an imported robot without collision shapes, on which
+    it could stand, is fixed. A robot with moving links without inertia moves kinematically. Comments in the file list
+    what was checked, tried and found.
 
     Args:
         urdf: the robot's file: a URDF, raw or imported, or a YAML file that describes the robot, such as one with a
@@ -107,8 +109,8 @@ def draft_station(
             is inside.
 
     Raises:
-        InvalidModel: the robot cannot be imported.
-        InvalidParameter: no posture within the limits closes the robot's kinematic loops.
+        SimrobError: there is no such robot, or its file has a defect.
+        InvalidParameter: an argument is no path, or no posture within the limits closes the robot's kinematic loops.
         Unsuitable: options are given for a YAML file, or a YAML file describes a robot with a floating base that has no
             collision shapes.
     """
@@ -154,7 +156,7 @@ def draft_station(
     estimated = estimated_inertias(robot, file)
     if estimated is not None:
         remarks.append(compound("{text}.", text=estimated.as_sentence()))
-    # A robot without inertias can only be moved kinematically, whatever base and loops it has.
+    # A robot with links without inertia can only be moved kinematically, whatever base and loops it has.
     if is_kinematic:
         remarks += _complete_with_fixed_base(robot, content)
     elif robot.base == "floating":
@@ -393,10 +395,11 @@ def _complete_with_loops(robot: RobotModel, content: dict[str, Any]) -> list[str
 def _complete_fingers(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     """Couple fingers, set servos and contact so that they hold parts by friction, and add a first program.
 
-    The first finger leads the others. A gear makes each other finger move by the same share of its own travel.
+    The first finger leads the others. A gear makes each other finger move by the same share of its own travel. There is
+    no such gear for fingers that the robot's file couples already.
 
-    The program replaces the reference: the arm goes to the target of the reference, then the fingers close almost, and
-    open again. The reference becomes ``hold``.
+    The program replaces the reference: the arm goes to the target of the reference if it has one, then the fingers
+    close almost, and open again. The reference becomes ``hold``.
 
     Args:
         robot: a robot with fingers.
@@ -453,8 +456,8 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
 
     Args:
         robot: the robot.
-        reference: section of the first move, of which the targets of the arm's axes are used; the fingers stay open
-            during that move.
+        reference: section of the first move, of which the targets of the arm's axes are used; the fingers stay where
+            they are during that move.
 
     Returns:
         the moves, as they are written in the station's file. The first one is left out if the reference has no target.
@@ -547,7 +550,8 @@ def at_home(robot: RobotModel) -> Clearance:
 def _stance_text(stance: Stance) -> str:
     """Describe a stance that was found: its posture, the links that carry, and the centre of mass.
 
-    The text says that the centre of mass is inside of the support area, which is true of all stances that are found.
+    The text says that the centre of mass is inside of the support area, which is true of all stances that
+    `Stances.find` yields.
     """
     found = stance.standing
     return message(

@@ -28,8 +28,9 @@ _MOST_EVALUATIONS = 10_000
 def gets_through(config: StationConfig) -> bool:
     """Whether a continuous solver brings a station to its end before its evaluations of the dynamics run out.
 
-    A station with a warning about its steps, such as a joint stop that is too stiff for the solver, is not tried, and
-    does not get through: the run might reach its end with wrong results.
+    A run that Drake breaks off with an error does not get through. A station with a warning about its steps, such as a
+    joint stop that is too stiff for the solver, is not tried, and does not get through: the run might reach its end
+    with wrong results.
     """
     closed = closed_station(resolve(config), sensors=(), monitors=False)
     findings = step_findings(config, closed.ports.plant, closed.references)

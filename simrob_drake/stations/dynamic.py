@@ -67,9 +67,10 @@ _STABLE = 2.0
 
 
 def add_dynamic_robots(builder: DiagramBuilder, ports: StationPorts) -> None:
-    """Add inputs, state, servos, friction and joint stops of every robot, and the forces of all couplings.
+    """Add inputs, state, servos and friction of every robot, and the forces of all couplings.
 
-    This is for dynamic stations. For kinematic ones, see :func:`add_kinematic_robots`.
+    Joint stops are added if the engine does not hold joint limits itself. This is for dynamic stations. For kinematic
+    ones, see :func:`add_kinematic_robots`.
 
     Raises:
         InvalidParameter: the station lists the input of an external force, but no robot has a tool.
@@ -196,7 +197,8 @@ def servo_inertias(
 def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector:
     """Largest time step at which the damping by the servo of each axis is stable in an explicit scheme, shape (n,) [s].
 
-    The damping is the servo's gain kd. The step is infinite for an axis without it.
+    The damping is the servo's gain kd. The step is infinite for an axis without it. The inertias are those at the
+    start.
     """
     with np.errstate(divide="ignore"):  # an axis without damping has no largest step
         return np.asarray(_STABLE * servo_inertias(config, robot) / robot.gains.kd)
@@ -204,6 +206,8 @@ def largest_explicit_steps(config: StationConfig, robot: StationRobot) -> Vector
 
 def check_servo_steps(config: StationConfig, plant: StationPlant) -> None:
     """Check that servos made of blocks are stable at the time step of an engine that evaluates blocks explicitly.
+
+    Servos with the realization ``implicit`` pass.
 
     Raises:
         InvalidParameter: the servo of an axis is unstable; the message names the axis and the largest time step.

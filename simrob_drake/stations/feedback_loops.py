@@ -78,7 +78,7 @@ def settings_with_loop(
     name: str,
     on: bool,
 ) -> Settings:
-    """Switch a loop on or off in the settings of a station. Returns the changed settings.
+    """Switch a loop on or off in the settings of a station. Returns a changed copy of the settings.
 
     Sensors that were added for a loop are removed with the loop, unless another loop needs them.
 

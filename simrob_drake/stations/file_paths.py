@@ -254,7 +254,8 @@ def with_copied_files(config: StationConfig, folder: Path) -> StationConfig:
     """Copy the files of a station into a folder, and name the copies in the station by paths from that folder.
 
     Robots are copied as they were imported. Keys that name no single file of data, such as a folder of packages or a
-    class, stay as they are. So do keys with relative paths, and keys of files that cannot be read any more.
+    class, stay as they are. So do keys with relative paths, keys of files that cannot be read any more, and keys of
+    meshes with a texture that may not be read.
 
     Args:
         config: the station. Its paths are absolute.
@@ -277,8 +278,9 @@ def with_copied_files(config: StationConfig, folder: Path) -> StationConfig:
         options = ImportOptions.model_validate(section.get("import_options") or {})
         try:
             files = _FILES_OF[last](Path(section[last]), key, options)
-        except (SimrobError, OSError):
-            # A file cannot be read any more. A result is saved all the same, and names where the file was.
+        except (SimrobError, OSError, OutsideBorder):
+            # A file cannot be read any more, or a texture is in a folder that is not allowed. A result is saved all the
+            # same, and names where the file is or was.
             continue
         if not all(isfile(file) for file in (files.main, *files.needed)):
             continue
@@ -361,7 +363,12 @@ Its arguments are the file, the whole key, and the import options in the key's s
 
 
 def _with_textures(meshes: Iterable[Path]) -> list[Path]:
-    """List mesh files, each with the material and texture files that it names, as far as these exist."""
+    """List mesh files, each with the material and texture files that it names, as far as these exist.
+
+    Raises:
+        OutsideBorder: a material or a texture is outside of the folders from which files may be read.
+        OSError: a mesh cannot be read.
+    """
     files = list[Path]()
     for mesh in meshes:
         # The folder of the mesh is searched for the files; those that are missing are left out.

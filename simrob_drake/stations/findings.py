@@ -19,7 +19,8 @@ class Finding:
         subject: short title, such as ``contact`` or ``torque of joint_2``.
         text: the finding in words. The text of a warning contains the remedy.
         torque_share: for a finding about the holding torque of one axis that holds, the largest torque as a share of
-            the axis's limit. None for other findings, and for warnings that an axis does not hold or gets too warm.
+            the axis's limit. None for other findings, for a warning that an axis does not hold, and for a robot with a
+            floating base also for a warning that a motor gets too warm.
     """
 
     level: Level

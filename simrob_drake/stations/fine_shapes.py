@@ -206,7 +206,7 @@ class FineShapes:
         inspector: SceneGraphInspector,
         shape: GeometryId,
     ) -> list[PosedShape] | None:
-        """Convex parts of a shape as `_cut` returns them, which are kept after the first call."""
+        """Convex parts of a shape, or None, as `_cut` returns them. They are kept after the first call."""
         if shape not in self._parts:
             self._parts[shape] = self._cut(inspector, shape)
         return self._parts[shape]
@@ -284,7 +284,8 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
         shape: a collision or visual geometry that is a mesh.
 
     Raises:
-        UnreadableMesh: the mesh has no file, or the file contains no triangles.
+        UnreadableMesh: the mesh has no file, or the file is too large, damaged, in a format that is not read, or
+            contains no triangles.
         OSError: the file does not exist any more.
     """
     mesh = inspector.GetShape(shape)

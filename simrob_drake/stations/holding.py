@@ -63,7 +63,7 @@ def holding_findings(
     lacking = robot.model.links_without_inertia
     if lacking and np.abs(torques).max() <= NO_TORQUE:
         return [_no_inertia_finding(config, robot, lacking)]
-    # The last posture is where the reference ends and the robot comes to rest. None if no sag can be predicted.
+    # At the last sample the robot is taken to come to rest. None if no sag can be predicted.
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
     for axis in range(len(robot.axes)):
@@ -142,7 +142,7 @@ def _axis_finding(
         robot: the robot.
         axis: index of the axis.
         torques: torques that hold the axis at postures along the reference, shape (m,) [N·m or N].
-        sag: position error at rest at the end of the reference [rad or m], or None if it was not predicted.
+        sag: position error at rest at the last sample of the reference [rad or m], or None if it was not predicted.
 
     Returns:
         a warning if the axis does not hold, sags by more than the verdict allows, or gets too warm. Otherwise that it
@@ -365,7 +365,7 @@ def _payload_findings(
 
     Returns:
         at most two findings. How much more the robot could carry is left out for a robot without a tool or with a
-        passive axis, and if a load has no effect on any motor.
+        passive axis, and if a load has no effect on any motor. The warning needs a rated payload in the robot's file.
     """
     subject = message("stations.payload_of", "payload of {robot}", robot=robot.name)
     findings = []

@@ -95,7 +95,8 @@ def _ignored_contact_settings(config: StationConfig, contact: ContactConfig) -> 
 
     Args:
         config: configuration of the station.
-        contact: its section ``contact``, which holds for all surfaces but those of pieces with a section of their own.
+        contact: its section ``contact``, which holds for all surfaces, but for the values that a piece's own section
+            ``contact`` replaces.
     """
     # Materials by the keys of the sections that describe them.
     materials: dict[str, ContactMaterial] = {"contact": contact}

@@ -42,7 +42,7 @@ from simrob_drake.base.renaming import former_argument
 from simrob_drake.base.sections import validate_section
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
 from simrob_drake.importer.importer import SceneRequest, find_station_importer
-from simrob_drake.importer.robot_files import is_robot_file
+from simrob_drake.importer.robot_files import CORE_SUFFIXES, is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import NAME_OF_ONLY_ROBOT, StationConfig
 from simrob_drake.stations.file_paths import program_with_absolute_paths, with_absolute_paths
@@ -290,6 +290,7 @@ def with_settings(
 
     Raises:
         InvalidConfig: a setting is invalid; the message contains ``where``, the key, and what would be right.
+        InvalidParameter: a mapping among the settings has a key that is no text.
     """
     if not settings:
         return config
@@ -325,6 +326,7 @@ def _make_config(
 
     Raises:
         InvalidConfig: an entry is invalid; the error names ``where`` and the key.
+        InvalidParameter: a mapping among the overrides has a key that is no text.
     """
     # An override may change one axis, such as servo.kp.joint_1, where the content, or another override, has one number
     # for all axes. The names of the axes are known only after the other overrides, which may choose another robot.
@@ -539,7 +541,7 @@ def _merge(lower: Content, upper: Content) -> Content:
 
 
 def _add_to_imports(content: Content, key: str, values: list[str]) -> None:
-    """Add values to a list in the import options of each robot that is imported from a file, in place.
+    """Add values to a list in the import options of each robot that the station names by ``urdf``, in place.
 
     Args:
         content: content of a station with the section ``robots``.
@@ -587,7 +589,7 @@ def _station_file(name_or_path: str | Path) -> Path:
 
     Raises:
         InvalidParameter: the argument is no text and no path.
-        UnknownName: the package has no station of this name.
+        UnknownName: the package has no station of this name, or the path is that of an existing file that is not YAML.
         InvalidConfig: the path is a folder, or the file does not exist.
     """
     if not isinstance(name_or_path, (str, Path)):
@@ -612,6 +614,14 @@ def _station_file(name_or_path: str | Path) -> Path:
             "stations.is_a_folder",
             "is a folder, but a station is given by its name or a YAML file{hint}",
             hint=hint,
+        )
+        raise InvalidConfig(path, "", problem)
+    if isfile(path) and path.suffix.lower() in CORE_SUFFIXES:
+        problem = message(
+            "stations.is_a_robot_file",
+            "is the file of a robot, but a station is given by its name or a YAML file; simrob station {file} writes "
+            "one",
+            file=path,
         )
         raise InvalidConfig(path, "", problem)
     if not is_yaml_name(path):
@@ -842,7 +852,9 @@ def _in_short_form(text: str) -> str:
 
 
 def _with_robots_section(content: Content, where: Path | str) -> Content:
-    """Write the short form ``robot:`` as ``robots:`` with one entry. Returns a changed copy.
+    """Write the short form ``robot:`` as ``robots:`` with one entry.
+
+    Returns a changed copy, or the same object if the content does not have the short form.
 
     Raises:
         InvalidConfig: the content has both sections.

@@ -61,7 +61,7 @@ class LoopsOfRobot:
     def closed_posture(self) -> Vector:
         """Search the posture (n,) [rad or m] that closes all loops, within the limits of the axes.
 
-        Of several such postures, the one that is nearest to the home posture is returned.
+        Of several such postures that are found, the one that is nearest to the home posture is returned.
 
         Raises:
             InvalidParameter: no posture was found that closes all loops.

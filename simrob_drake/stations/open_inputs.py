@@ -28,8 +28,8 @@ def check_inputs(
 ) -> None:
     """Check that every input in a diagram is connected.
 
-    Inputs that may be open pass: those of plants and scene graphs, of Drake's blocks with optional inputs, and those
-    that a block of the user's own names in an attribute ``optional_inputs``.
+    Inputs that may be open pass: those of plants and scene graphs, those of all blocks of Drake that are not in
+    _CHECKED_PACKAGES_OF_DRAKE, and those that a block of the user's own names in an attribute ``optional_inputs``.
 
     Args:
         diagram: the diagram that is run.

@@ -43,6 +43,9 @@ def physics_findings(
         ports: the built station, with its plant.
         references: desired trajectories by the name of the robot. Postures along them are examined; for a robot
             without a reference only the initial posture is.
+
+    Raises:
+        InvalidParameter: a strict controller refuses its commands.
     """
     findings = _controller_findings(config, ports)
     findings += plausibility_findings(config, ports.station)
@@ -59,7 +62,10 @@ def physics_findings(
 
 
 def physics_warnings(config: StationConfig, ports: StationPorts) -> list[str]:
-    """Texts of the warnings among :func:`physics_findings`, for the result of a run."""
+    """Texts of the warnings among :func:`physics_findings`, for the result of a run.
+
+    Of the references nothing is examined: all robots are in their initial postures.
+    """
     findings = physics_findings(config, ports)
     return [finding.text for finding in findings if finding.level == "warning"]
 

@@ -39,7 +39,7 @@ _DRAWS = 300
 """Count of positions that are drawn for one piece before the others are in its way."""
 
 _ATTEMPTS = 50
-"""How often all positions are drawn again if some piece found no room."""
+"""Largest count of attempts to draw all positions; an attempt fails if some piece finds no room."""
 
 _LARGEST_COUNT = 200
 
@@ -117,7 +117,7 @@ class Scatter(Strict):
         return poses
 
     def _draw_positions(self, random: np.random.Generator) -> list[Vector]:
-        """Draw positions (3,) [m] that keep the smallest distance; fewer than ``count`` if the others leave no room."""
+        """Draw positions (3,) [m] that keep the smallest distance; fewer than ``count`` if no room is found for one."""
         positions = list[Vector]()
         for _ in range(self.count):
             position = self._draw_free_position(random, positions)

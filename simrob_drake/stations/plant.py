@@ -153,7 +153,8 @@ def add_plant(
         the station's finalized plant. Its attribute ``stand_in`` is the block of another engine, if there is one.
 
     Raises:
-        SimrobError: a robot does not suit the mode of the station, or the engine cannot simulate the station.
+        SimrobError: a robot does not suit the mode of the station, the engine cannot simulate the station, a coupling
+            does not hold at the start, or there are callbacks although nothing steps the plant.
     """
     hooks = PlantHooks() if hooks is None else hooks
     config = resolved.config
@@ -241,10 +242,11 @@ def add_models(
     floor: bool,
     is_shared: bool = False,
 ) -> StationModels:
-    """Add the robots, pieces, floor and couplings of a station to a plant that is not finalized.
+    """Add the robots and pieces of a station to a plant that is not finalized, and the floor if `floor` is True.
 
-    The shapes of the station get their contact materials. Flat shapes get *contact points* as well: small balls at
-    their corners, at which they touch others in point contact.
+    Couplings are added as well, but not in a kinematic station. The shapes of the station get their contact materials.
+    In point contact, flat shapes of bodies that move freely, and of those on which they may lie, get *contact points*:
+    small balls at their corners, at which they touch others.
 
     Args:
         plant: the plant. It may contain other bodies.
@@ -282,7 +284,7 @@ def add_models(
     free_pieces = _add_standing_pieces(plant, resolved, collision)
     if floor:
         _add_floor(plant, resolved, collision)
-    # After all bodies: the heaviest free body determines the radius of all balls.
+    # After all bodies: the weight of the heaviest free body is the load by which the radii of all balls are chosen.
     points = add_contact_points(plant, scene_graph, resolved, [*robots.values()], own_shapes())
     shapes_with_points = own_shapes()  # the contact points are shapes, too
     # Before the plant is finalized, which makes filters that a later change of roles would lose.
@@ -386,7 +388,7 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
     Args:
         plant: the plant, which is not finalized.
         station: the station.
-        collision: whether the floor takes part in contact.
+        collision: whether the floor gets a collision shape. Otherwise it is only visible.
     """
     config = station.config
     floor_pose = station.ground.floor_pose
@@ -428,6 +430,8 @@ def _add_floor(plant: MultibodyPlant, station: ResolvedStation, collision: bool)
 def _floor_surface(config: StationConfig, modulus: float | None) -> ProximityProperties:
     """Create the contact properties of a floor: hydroelastic ones if the station's contact needs them, and friction.
 
+    `apply_materials` replaces friction and stiffness later if the section ``contact`` gives them.
+
     Args:
         config: the station.
         modulus: hydroelastic modulus of a soft floor [Pa], or None for a rigid floor.
@@ -452,7 +456,7 @@ def _filter_collisions(station: StationPlant, contact: ContactConfig | None) -> 
 
     Args:
         station: the finalized plant.
-        contact: section ``contact`` of the station, or None: then nothing collides, and nothing is excluded.
+        contact: section ``contact`` of the station, or None: then no contact is simulated, and nothing is excluded.
     """
     if contact is None:
         return
@@ -485,7 +489,7 @@ def add_robot(
         plant: the plant.
         station: the station.
         robot: the robot.
-        collision: whether its shapes take part in contact.
+        collision: whether it gets collision shapes.
 
     Returns:
         the robot with its joints and frames in the plant.

@@ -126,7 +126,7 @@ def _urdf_doubts(path: Path, state: FileState | None) -> tuple[Doubt, ...]:
 def _size_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
     """Yield a doubt for each shape of a piece that is implausibly large or small.
 
-    A plate, which is at most _PLATE thick, may be of any length: it may serve as ground.
+    A shape of which one length is at most _PLATE counts as a plate, which is never too large: it may serve as ground.
     """
     key = f"pieces.{piece.name}"
     for shape in piece.model.shapes:
@@ -199,6 +199,8 @@ def _mass_doubts(piece: ResolvedPiece) -> Iterator[Doubt]:
 
 def _poses_in(node: Any, key: str) -> Iterator[PoseAtKey]:
     """Search for the poses in a part of a configuration, and yield them, depth first.
+
+    Poses are the values of six numbers under _POSE_KEYS. The section ``program`` is not searched.
 
     Args:
         node: a pydantic model, a mapping, a list or a single value of the configuration.

@@ -64,6 +64,8 @@ class StationPorts(Site):
     ) -> OutputPort:
         """Add an input with one value for each axis. Returns the port that blocks of the station read.
 
+        If the station has a source for this input already, nothing is added, and the port of the source is returned.
+
         Args:
             builder: builder of the diagram.
             robot: the robot.

@@ -92,12 +92,14 @@ class PosedStation:
         return frame.CalcPoseInWorld(self.context)
 
     def place_robots(self, postures: Mapping[str, Vector]) -> None:
-        """Move some robots; the other robots and the pieces stay where they are.
+        """Move some robots; the other robots and the pieces that are not carried stay where they are.
+
+        Couplings between axes are not considered: each axis gets the position that its posture gives.
 
         Args:
             postures: the new posture (n,) [rad or m] of each robot that moves, by the robot's name.
         """
-        # The plant's own context collects the postures; the shapes are moved once, at the end.
+        # The context of the plant collects the postures. `place` then moves the shapes where another system poses them.
         for name, posture in postures.items():
             axis_map = self.station.robots[name].axis_map
             axis_map.set_positions(self.plant, self.context, posture)

@@ -25,10 +25,10 @@ from simrob_drake.stations.ports import StationPorts
 def add_poses(builder: DiagramBuilder, ports: StationPorts) -> None:
     """Add the outputs for the bases and tools of all robots to the ports of a station.
 
-    These are ``base_pose`` (7), ``tcp_pose`` (7) for the tool in use, ``tcp_pose.<tool>`` (7) for every tool, and for a
-    robot that floats ``base_velocity`` (6): the linear velocity of the root link [m/s], then the angular velocity
-    [rad/s], in the world's axes. All poses are in the world. Names begin with the robot's prefix if there are several
-    robots.
+    These are ``base_pose`` (7), ``tcp_pose.<tool>`` (7) for every tool, ``tcp_pose`` (7) for the tool in use if there
+    is one, and for a robot whose root link is a free body ``base_velocity`` (6): the linear velocity of the root link
+    [m/s], then the angular velocity [rad/s], in the world's axes. All poses are in the world. Names begin with the
+    robot's prefix if there are several robots.
     """
     plant = ports.plant.plant
     for robot in ports.plant.robots.values():

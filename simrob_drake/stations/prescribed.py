@@ -162,8 +162,8 @@ def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> Resolve
     """Add the references of the prescribed axes to a robot, and remove the servos of these axes.
 
     A reference gets the initial position of its axis as its start, as those of other axes do. It need not begin there:
-    a sine with a phase swings about it. The initial positions of the returned robot are those at which the references
-    begin.
+    a sine with a phase swings about it. The initial positions of the prescribed axes of the returned robot are those at
+    which their references begin.
 
     Args:
         config: configuration of the station.
@@ -254,7 +254,8 @@ def add_prescribed_motion(
 ) -> OutputPort:
     """Add an input ``prescribed.<axis>`` for each prescribed axis, and put their positions into the robot's reference.
 
-    Each input takes position, velocity and acceleration [rad or m, s]. The inputs are added to those of the station.
+    Each input takes a position [rad or m], a velocity and an acceleration (the derivatives by the time in s) in one
+    vector. The inputs are added to those of the station.
 
     Args:
         builder: the diagram under construction.
@@ -429,7 +430,7 @@ def uses_reaction_forces(config: StationConfig) -> bool:
 
 
 def is_discrete_with_contact(config: StationConfig) -> bool:
-    """Whether the station has contact and is stepped by one of Drake's discrete solvers."""
+    """Whether the station has a section ``contact`` and a solver with discrete states."""
     return config.engine.has_discrete_states and config.contact is not None
 
 

@@ -88,7 +88,8 @@ _ROBOTS: FileCache[RobotModel] = FileCache(size=32)
 def resolve(config: StationConfig) -> ResolvedStation:
     """Read the robots and pieces of a station, and check that its keys fit them.
 
-    The result for a configuration object is kept, and returned again until one of the station's files changes.
+    The results for the last configuration objects are kept, and returned again until one of the station's files
+    changes.
 
     Args:
         config: the station. An equal configuration that is another object is resolved anew.
@@ -164,6 +165,8 @@ def _resolve_from_files(config: StationConfig) -> ResolvedStation:
 
 def check_parts(station: ResolvedStation) -> None:
     """Check that something in a station moves, that its engine supports its parts, and that parts find what they name.
+
+    Targets of references are compared with the limits of the axes, see `check_targets`.
 
     Raises:
         SimrobError: something does not fit; the message names the key and what would be right.
@@ -296,8 +299,8 @@ def _robot_from_files(entry: RobotConfig) -> RobotModel:
 def _described_robot(entry: RobotConfig) -> RobotModel:
     """Read the description of a robot: a URDF, a YAML file, or a robot of the package by its name."""
     if entry.urdf is not None:
-        # Few stations need the importer, which takes time to load. It reads a URDF without defects where it is, and
-        # imports only others.
+        # Few stations need the importer, which takes time to load. It reads a URDF without defects where it is, unless
+        # the station gives options of an import, and imports all others.
         from simrob_drake.importer.importing import robot_from_file
 
         return robot_from_file(entry.urdf, entry.import_options)

@@ -156,6 +156,7 @@ def _mesh_piece(entry: PieceConfig, file: Path, where: str) -> PieceModel:
     Raises:
         InvalidModel: the mesh cannot be read.
         InvalidParameter: the size of the mesh is not that of a piece, or its unit is uncertain.
+        OutputError: the cache of converted meshes cannot be written.
     """
     # Few stations need the modules that read meshes.
     from simrob_drake.importer.meshes.checks import FORMATS_WITHOUT_UNIT
@@ -207,6 +208,8 @@ def carriers_of(config: StationConfig) -> dict[str, str]:
 
 def _parent(config: StationConfig, piece: str) -> str:
     """Parent of a piece: ``world``, the name of a robot, or the name of another piece.
+
+    A free piece may leave the parent out, which is then ``world``.
 
     Raises:
         InvalidParameter: the parent is left out, though the piece is not free.
@@ -309,7 +312,8 @@ def held_pieces(
     """Names of the pieces that a robot holds by its tools, directly or through other pieces.
 
     The other pieces that it carries are worn: they are mounted on links that are no tools, such as a backpack, or on
-    pieces that are worn.
+    pieces that are worn. A piece on the robot without a key ``frame`` counts as held, also if it is mounted on the root
+    link (see :func:`flange`).
 
     Args:
         config: configuration of the station.
@@ -339,11 +343,12 @@ def tool_in_use(own: Mapping[str, str], carried: Sequence[str], tcp: str | None)
 
     Args:
         own: frames of the robot's own tools, by name.
-        carried: pieces that the robot carries by its tools, the outermost last.
+        carried: pieces that the robot holds, as by :func:`held_pieces`: each after its parent.
         tcp: the tool that the station names, or None.
 
     Returns:
-        the tool of the station, else the outermost piece, else the robot's first own tool. It is empty without any.
+        the tool that the station names, else the last of the pieces, else the robot's first own tool. It is empty
+        without any.
     """
     if tcp:
         return tcp

@@ -14,8 +14,8 @@ SCHEMA_FILE = "station.schema.json"
 def station_schema() -> dict[str, Any]:
     """Make the schema of a station's file: that of a configuration, except for what a file may write in a shorter form.
 
-    A file may have ``robot:`` for a single robot, a program as the path of a file, no name, and entries without a kind
-    whose names are kinds.
+    A file may have ``robot:`` for a single robot, a program as the path of a file, no name, and monitors, sensors,
+    couplings and forces without a kind, whose names are kinds. It may leave out the robots if it has pieces.
     """
     schema = StationConfig.model_json_schema()
     properties = schema["properties"]

@@ -29,7 +29,9 @@ _DRIVE_KEYS = "rotor_inertia", "gear_ratio", "damping", "friction", "backlash_de
 def station_motors(robot: RobotModel, servo: ServoConfig) -> list[Motor | None]:
     """Find the motor of each axis of a robot: that of the station, else the robot's own, with all values filled in.
 
-    The entry of an axis is None if its servo has no model of a motor, or if the axis is passive.
+    If the station has the key ``servo.motor``, the motors of the robot's own file do not count, also for axes that a
+    mapping of the station leaves out. The entry of an axis is None if its servo has no model of a motor, or if the axis
+    is passive.
 
     Raises:
         UnknownName: there is no motor or no axis of that name.
@@ -83,6 +85,7 @@ def check_drives(robot: RobotModel, drives: Drives) -> None:
         drives: the section ``drives`` of the robot in the station.
 
     Raises:
+        UnknownName: a mapping names an axis that the robot does not have.
         Unsuitable: a mapping gives a rotor, a gear or backlash to a passive axis.
     """
     # The other keys, damping and friction, are allowed: they belong to the joint, which a passive axis has as well.
@@ -104,6 +107,7 @@ def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     Raises:
         UnknownName: there is no axis of such a name.
         Unsuitable: an axis gets a motor whose largest torque is not given.
+        SimrobError: an error of :func:`station_motors`.
     """
     if servo.passive is None:
         return robot
@@ -261,8 +265,10 @@ def servo_gains(
     """Collect the gains and limits of a robot's servos.
 
     A gain is that of the station, else that of the robot's own file, else 0. A torque limit is that of the station,
-    else the largest torque of the axis' motor, else the effort of the URDF. The limit of an integral part is that of
-    the station, else the torque limit. The speed limit of a cascade is that of the station, else that of the URDF.
+    else the largest torque of the axis' motor, else the effort of the URDF; for an axis that has a motor only by the
+    robot's key ``servo.passive``, this effort is the ``servo.torque_limit`` of the robot's file. The limit of an
+    integral part is that of the station, else the torque limit. The speed limit of a cascade is that of the station,
+    else that of the URDF.
 
     Passive axes have neither gains nor a torque limit: these values are 0.
 
@@ -274,7 +280,8 @@ def servo_gains(
 
     Raises:
         InvalidParameter: a value does not fit the law of the servos.
-        Unsuitable: the station gives a value to a passive axis, or the law does not work with passive axes.
+        Unsuitable: the station gives a value to a passive axis by its name, or the law does not work with passive axes.
+        SimrobError: an error of :func:`station_motors`.
     """
     passive = robot.passive
     if passive.any():
@@ -366,8 +373,8 @@ def _motor_line(motors: list[Motor | None], limit: Vector, *, dampers: bool) -> 
         dampers: whether the slopes are dampers of joints where the limit allows it: where it does not cut the line.
 
     Returns:
-        stall torques, slopes of the lines, and the slopes that dampers represent, shape (n,) each. A slope is 0 for an
-        axis without a motor.
+        stall torques, slopes of the lines, and the slopes that dampers represent, shape (n,) each. For an axis without
+        a motor the stall torque is infinite, and the slopes are 0.
     """
     # Torque at rest [N·m or N] and speed without load [rad/s or m/s] of each axis; infinite without a motor.
     lines = [(np.inf, np.inf) if motor is None else motor.line for motor in motors]
@@ -409,8 +416,8 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
         )
         remedy = message("stations.leave_out_or", "leave it out, or use {blocks}", blocks=blocks)
         raise Unsuitable("servo.motor", problem, remedy)
-    # A motor is realized by a damper of its joint. That is right only if the torque limit does not cut the line.
-    # Where the slope is not a damper (see `_motor_line`), a limit cuts the line.
+    # Where dampers of joints realize motors (not in MuJoCo), that is right only if the torque limit does not cut the
+    # line. Where the slope is not a damper (see `_motor_line`), a limit cuts the line.
     capped = config.motors_are_dampers(robot.name) & (gains.line.slope > gains.damping)
     if capped.any():
         axis = int(np.argmax(capped))
@@ -431,7 +438,8 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
             blocks=blocks,
         )
         raise InvalidParameter(name, f"{gains.torque_limit[axis]:g}", expected)
-    # The damper is subtracted from the servo's kd, which must not become negative.
+    # A damper is subtracted from the kd of a servo in an actuator, which must not become negative. The same bound holds
+    # for all motors that are checked here.
     is_too_small = gains.line.slope > gains.kd
     if is_too_small.any():
         axis = int(np.argmax(is_too_small))

@@ -215,8 +215,8 @@ def check_builder(builder: DiagramBuilder, systems: Sequence[System]) -> None:
 def _check_settings(plant: MultibodyPlant, config: StationConfig) -> None:
     """Check that a plant has the settings of a station, which must be one that Drake's plant simulates.
 
-    They are the time step, the gravity, the contact model and, if the station's solver is discrete, the approximation
-    of contact.
+    They are the time step, the gravity, the contact model if the station has contact and, if its solver is discrete,
+    the approximation of contact.
 
     Raises:
         SimrobError: a setting differs; the message has the call that sets it.
@@ -323,7 +323,8 @@ def _check_floor(
         scene_graph: the scene graph of the plant.
 
     Raises:
-        SimrobError: another station has another floor, or the user has added a shape that is named ``floor``.
+        SimrobError: the station whose floor is in the plant has another floor or another material of contact, or the
+            user has added a shape that is named ``floor``.
     """
     config = station.config
     if config.floor is None:

@@ -68,7 +68,7 @@ _HOME_PREFERENCE = 0.05
 """1/rad: difference in shape from the first leg, as a fraction of length, that a rad nearer to home is worth."""
 
 _SHIFTS = 3
-"""Count of corrections that put the feet under the centre of mass."""
+"""How often the feet are placed at most: once at the given points, then after each correction."""
 
 
 @dataclass(frozen=True)
@@ -181,7 +181,8 @@ class Stances:
         postures = (straight(self._robot), self._home, *random)
         # Standing points of all legs in all postures, shape (postures, legs, 3) [m].
         feet = np.array([self._feet(legs, posture) for posture in postures])
-        # The full length of the legs is how far their feet reach below their hips in any of these postures.
+        # The full length is how far a foot reaches below its hip in any of these postures: that of the leg with the
+        # shortest reach, and the same for all legs.
         full_length = float((hips - feet.min(axis=0))[:, 2].min())
         # The feet are never below the hips: these chains cannot carry the robot.
         if full_length <= 0:
@@ -239,8 +240,9 @@ class Stances:
     ) -> Iterator[Stance]:
         """Examine a stance: record its margin and the reasons against it, and yield it if there are no such reasons.
 
-        Links that overlap are turned apart first, by axes that do not belong to the legs. The stance after that is
-        examined and yielded.
+        Links that overlap are turned apart first, by axes that do not belong to the legs. Coupled axes (followers) then
+        go where their leaders take them. The stance after that is examined and yielded. Overlaps that remain are no
+        reason against it.
 
         Args:
             stance: the stance to be examined.
@@ -251,12 +253,15 @@ class Stances:
         Yields:
             the stance once, or nothing.
         """
+        model = self._robot.model
         leg_axes = {axis for leg in legs for axis in leg.axes}
-        # The legs have been balanced already, so that their axes stay.
-        movable = set(range(len(self._home))) - leg_axes
+        followers = {model.axis_index(name) for name in model.followers}
+        # The legs have been balanced already, so that their axes stay. Followers go where their leaders take them.
+        movable = set(range(len(self._home))) - leg_axes - followers
         posture = reduce_own_overlaps(self._clearance, self._robot, stance.posture, movable)
         how = stance.how
         if not np.array_equal(posture, stance.posture):
+            posture = model.with_followers(posture)
             how = message(
                 "stations.turned_apart",
                 "{stance}, with some links turned apart",
@@ -454,8 +459,8 @@ class Stances:
             how: the stance in words.
 
         Returns:
-            the stance, or None if a leg does not reach its point. After the last correction it may still be
-            unbalanced, which its statics shows.
+            the stance, or None if a leg does not reach its point. When the feet have been placed _SHIFTS times, the
+            stance may still be unbalanced, which its statics shows.
         """
         # Legs of few joints cannot place their feet aside.
         moves_aside = len(legs[0].axes) > _ONLY_FORWARD
@@ -518,10 +523,10 @@ class Stances:
         length: float,
         seed: Vector,
     ) -> Vector | None:
-        """Solve the inverse kinematics of a leg, with its sole level if it has one.
+        """Solve the inverse kinematics of a leg, with its sole level if it has one. The robot is moved.
 
         A first solution stays near home where the leg has spare axes. A second one, which begins there, meets the
-        target exactly.
+        target up to _FOOT_TOLERANCE.
 
         Args:
             leg: a leg of k axes. The other axes of the robot are at home.
@@ -530,7 +535,8 @@ class Stances:
             seed: first guess, shape (k,) [rad or m].
 
         Returns:
-            angles of the leg, shape (k,) [rad or m], or None if the foot does not reach the target.
+            angles of the leg, shape (k,) [rad or m], or None if the foot does not reach the target, or not with a level
+            sole.
         """
         from scipy.optimize import least_squares
 

@@ -14,7 +14,9 @@ _LARGEST_SHIFT = 1e-3
 
 
 def axes_off_reference(robot: ResolvedRobot, start: Vector, reference: Vector) -> Indices:
-    """Find the axes whose reference begins away from the robot, the farthest first; a degree counts as a millimetre.
+    """Find the axes whose reference begins more than 1 deg or 1 mm away from the robot, the farthest first.
+
+    A degree counts as a millimetre.
 
     Args:
         robot: the robot.
@@ -22,7 +24,7 @@ def axes_off_reference(robot: ResolvedRobot, start: Vector, reference: Vector) -
         reference: the reference at the start, shape (n,) [rad or m].
 
     Returns:
-        indices of the axes, shape (k,); empty if the reference begins where the robot is.
+        indices of the axes, shape (k,); empty if the reference begins about where the robot is.
     """
     slides = np.array([unit.si == "m" for unit in robot.model.units], dtype=bool)
     allowed = np.where(slides, _LARGEST_SHIFT, _LARGEST_TURN)

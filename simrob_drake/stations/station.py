@@ -194,7 +194,8 @@ def place_station(
 
     Raises:
         SimrobError: there is no such station, or the plant does not suit it: it is finalized, belongs to another scene
-            graph, differs in gravity, time step or contact model, or has a station of this name.
+            graph, differs in gravity, time step or contact model, or has a station of this name, or one with another
+            solver, contact or floor.
     """
     _check_name(name)
     scope = f"{name}." if name else ""
@@ -248,8 +249,8 @@ class PlacedStation:
             the station's ports, as :func:`add_station` returns them.
 
         Raises:
-            SimrobError: the plant is not finalized or in another builder, the station is wired already, or the builder
-                has systems of the same names.
+            SimrobError: the plant is not finalized or in another builder, the station is wired already, the builder has
+                systems of the same names, or a part of the station does not fit the others.
         """
         instance(
             builder,
@@ -318,7 +319,7 @@ def _compose_with_edges(
     station: ResolvedStation,
     **how: Any,
 ) -> StationPorts:
-    """Add a station's systems, and a block that ends steps where its references and pushes have corners.
+    """Add a station's systems, and a block that ends steps where its pushes and its signal flows have corners.
 
     Args:
         builder: builder of the diagram.
@@ -456,7 +457,8 @@ def compose(
         forces: whether the forces of the configuration act.
         monitors: whether monitors are blocks of the diagram. Otherwise only the ports list them, and the recorder of
             the run evaluates them.
-        blocks: controllers and other blocks of the user's own, by name; by default those of the configuration.
+        blocks: blocks that the user has written, by name; by default those of the configuration (controllers of the
+            kind ``own``). Its controllers of other kinds are added in any case.
         sources: output ports that drive inputs of a dynamic station, by the name of the input, which is then no input
             of the station.
         lean: whether blocks that only report, such as poses, are left out unless another block reads them. Their
@@ -636,7 +638,10 @@ class Station(Diagram):
         prefinalize: ParserHook | None = None,
         prebuild: BuilderHook | None = None,
     ) -> None:
-        """Build a station; arguments and errors are those of :func:`build_station`."""
+        """Build a station; arguments and errors are those of :func:`build_station`.
+
+        Inputs that the callback ``prebuild`` connects are not exported.
+        """
         super().__init__()
         self.config = config_of(station, overrides)
         builder = DiagramBuilder()

@@ -200,8 +200,8 @@ def _uncertain_torques(config: StationConfig) -> list[Finding]:
 def likely_cause(config: StationConfig, plant: StationPlant) -> str:
     """Find the likely cause of a run that diverged, and return it as a sentence.
 
-    It is the first warning of :func:`step_findings`. Without any, it is a guess: integral gains if there are some,
-    otherwise forces that are too stiff for the solver.
+    It is the first warning of :func:`step_findings` for the initial postures. Without any, it is a guess: integral
+    gains if there are some, otherwise forces that are too stiff for the solver.
     """
     # A warning before the run is the best guess at why the run failed.
     warnings = [finding for finding in step_findings(config, plant) if finding.level == "warning"]
@@ -414,8 +414,8 @@ def apply_solver(
 
     Args:
         simulator: the simulator, whose integrator is replaced. Its diagram contains the station, at any depth.
-        station: the station: its name, its file, its configuration, or a built one. Nothing is changed if it has no
-            continuous solver.
+        station: the station: its name, its file, its configuration, or a built one. Nothing is changed if it is
+            kinematic or has no continuous solver.
         overrides: new values of the station, as :func:`simrob_drake.load_station` takes them.
 
     Raises:

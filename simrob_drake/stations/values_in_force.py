@@ -139,7 +139,10 @@ def _as_written(robot: ResolvedRobot, values: Vector) -> Any:
 def _motor_values(
     key: str, stated: Motor, robot: ResolvedRobot
 ) -> Iterator[tuple[str, ValueInForce]]:
-    """Yield dotted keys and values that a known motor gives, where the station names the motor by ``motor.model``.
+    """Yield dotted keys and values of the robot's motors that the section of the motor in the station leaves out.
+
+    They come from the known motor that the section names by ``model``. Torques are those behind the losses of the gear,
+    so the gear efficiency is 1. This efficiency is yielded even if the section names no motor.
 
     Args:
         key: dotted key of the motor's section, such as ``servo.motor``.

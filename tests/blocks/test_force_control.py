@@ -126,3 +126,15 @@ def test_a_joint_offset_stays_small_at_a_singular_posture(arm):
         outputs = driven.sample(force=np.zeros(3), asked=straight)
 
     assert abs(outputs["offset"]).max() < 0.2
+
+
+@pytest.mark.parametrize("source", ["touch", "force.touch"])
+def test_its_axes_are_those_of_the_sensor_whether_the_sensor_or_its_output_is_named(source):
+    """The direction is given in the axes of the sensor's frame, here those of the pencil."""
+    changes = {"controllers.press.reads.force": source, "sensors.touch.frame": "pencil"}
+
+    closed = closed_station(resolve(load_station("irb120_force_control", changes)))
+
+    block = closed.diagram.GetSubsystemByName("controller.press")
+    (robot,) = closed.ports.plant.robots.values()
+    assert block._sensor == robot.tools["pencil"].index()

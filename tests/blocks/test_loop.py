@@ -374,7 +374,7 @@ def touchdown(**changed):
         nonlocal offset
         forces = {"left": force * FORCE, "right": FORCE}
         read = {
-            "reference": np.array([left, 0.0]) + offset,
+            "reference": np.array([left, 0.0]) + changed.get("weight", 1.0) * offset,
             "position": [position, 0.0],
             "torque": [7.0, 1.0],
         }
@@ -407,6 +407,17 @@ def test_a_foot_that_touches_early_stays_and_then_comes_to_the_reference():
     before = told["offset"][0]
     assert step(0.03, force=1)["offset"][0] == pytest.approx(before * np.exp(-0.2))
     assert not told["feedforward"].any()
+
+
+def test_a_loop_of_a_weight_knows_the_part_of_its_offset_in_the_reference():
+    step = touchdown(weight=0.5)
+    step(0.05)
+    step(0.04)
+
+    for plan in (0.035, 0.02, 0.015):  # it touched at 0.036, and its offset still leads there
+        told = step(plan, force=1, position=0.036)
+
+        assert told["offset"][0] == pytest.approx(0.036 - plan)
 
 
 def test_a_foot_that_finds_no_ground_goes_on_downward_as_far_as_it_may():

@@ -316,3 +316,16 @@ def test_what_the_name_of_a_package_leads_to_its_path_does_too(robot: Path) -> N
     (other / "package.xml").unlink()
     with pytest.raises(OutsideBorder):
         MeshPlaces(robot).find(f"file://{mesh}")
+
+
+@pytest.mark.parametrize(("levels", "is_found"), [(0, True), (4, True), (5, False)])
+def test_a_package_begins_at_most_four_folders_above_its_file(
+    tmp_path: Path, levels: int, is_found: bool
+) -> None:
+    package = tmp_path / "package"
+    put(package / "package.xml", MANIFEST.format("arm"))
+    folder = package.joinpath(*("abcde"[:levels]))
+
+    root = package_root(folder / "arm.urdf")
+
+    assert root == (package if is_found else folder)

@@ -16,6 +16,7 @@ from simrob_drake.importer.meshes.checks import UnreadableMesh
 from simrob_drake.importer.meshes.library import Mesh, MeshLibrary
 from simrob_drake.importer.meshes.parts import points_of
 from simrob_drake.importer.meshes.places import MeshPlaces
+from simrob_drake.importer.meshes.reading import _rgba
 
 RED, BLUE = (1.0, 0.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0)
 BOUNDS = np.array([[0.25, 0.4, 0.5], [0.35, 0.6, 0.9]])  # of the box, in metres
@@ -410,3 +411,18 @@ def test_a_mesh_in_millimetres_is_told_and_left(tmp_path: Path) -> None:
         'is 400 m large; if it was drawn in millimetres, write scale="0.001 0.001 0.001"'
     ]
     assert volume(mesh) == pytest.approx(8e6, rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("colour", "expected"),
+    [
+        ((0.5, 1.7, -0.2, 0.4), (0.5, 1.0, 0.0, 0.4)),
+        ((0.1, 0.2, 0.3, 2.0), (0.1, 0.2, 0.3, 1.0)),
+        ((0.1, 0.2, 0.3, 0.0), (0.1, 0.2, 0.3, 1.0)),
+        ((np.nan, 0.2, 0.3, 1.0), (1.0, 0.2, 0.3, 1.0)),
+    ],
+)
+def test_a_colour_has_numbers_from_zero_to_one_and_is_seen(
+    colour: tuple[float, ...], expected: tuple[float, ...]
+) -> None:
+    assert _rgba(colour) == expected

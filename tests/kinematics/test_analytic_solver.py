@@ -1,10 +1,13 @@
 """The closed form: round trips against forward kinematics, all branches, limits, turns and singular postures."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from simrob_drake.base.errors import UnknownName
 from simrob_drake.kinematics import AnalyticSolver, NoClosedForm, Unreachable, require
+from simrob_drake.kinematics.closed_form import _closest_total
 
 PROMISED = 1e-9  # m and rad
 
@@ -302,3 +305,22 @@ def test_no_closed_form(dh_chain, tables, belt, irb120_chain):
 def test_unknown_flag(irb120_chain):
     with pytest.raises(UnknownName, match="did you mean 'no_flip'"):
         AnalyticSolver(irb120_chain, wrist="noflip")
+
+
+@pytest.mark.parametrize("distance", [0.2, 0.5, 0.7, 0.9])
+def test_the_hand_of_a_parallel_wrist_turns_until_the_forearm_reaches(distance):
+    """Axes 2 and 3 reach from |upper| - |fore| to |upper| + |fore|, here 0.1 to 0.7 m, which the hand must leave them.
+
+    The desired sum stays if the way to the hand is in this range.
+    """
+    arm = SimpleNamespace(upper=0.4 + 0j, fore=0.3 + 0j, hand=0.2 + 0j)
+    target = np.full((1, 2, 1, 1), distance + 0j)
+    desired = np.array([0.1])
+
+    total = _closest_total(arm, target, desired)
+
+    left_for_arm = np.abs(target - arm.hand * np.exp(1j * total))
+    assert (left_for_arm >= 0.1 - 1e-9).all()
+    assert (left_for_arm <= 0.7 + 1e-9).all()
+    is_in_reach = 0.1 <= abs(distance - 0.2 * np.exp(0.1j)) <= 0.7
+    assert np.allclose(total, 0.1) == is_in_reach

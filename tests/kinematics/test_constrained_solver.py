@@ -245,3 +245,18 @@ def test_bad_goals(chain, goal, error, said):
 def test_bad_settings(chain, options, error):
     with pytest.raises(error):
         ConstrainedSolver(chain, **options)
+
+
+@pytest.mark.parametrize("axis", [(0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, -1.0, 0.0)])
+def test_the_axis_of_a_cone_is_one_of_the_tool_however_that_is_mounted(
+    irb120_chain, target, home, axis
+):
+    chain = irb120_chain.with_tool([0.0, 0.0, 0.07, 0.4, -0.7, 0.3])
+    down = np.array([0.0, 0.0, -1.0])
+    cone = OrientationCone(direction=tuple(down), angle=0.1, axis=axis)
+
+    found = chain.forward(
+        require(ConstrainedSolver(chain, [cone], target="position").solve(target, home))
+    )[0]
+
+    assert _angle(found[:3, :3] @ axis, down) <= 0.1 + 1e-6

@@ -168,3 +168,17 @@ def test_seven_axes_keep_room_to_their_limits_where_they_begin_with_it(
 
     # what begins without room does not jump
     np.testing.assert_allclose(stays.positions[0], near, atol=1e-9)
+
+
+def test_the_lower_limit_holds_a_joint_back_as_well(irb120_chain, home):
+    target = irb120_chain.forward(home - np.array([3.2, 0, 0, 0, 0, 0]))  # joint 1 ends at -2.88
+    solutions = NumericSolver(irb120_chain, restarts=0).solve(
+        target, home - np.array([2.5, 0, 0, 0, 0, 0])
+    )
+
+    assert solutions.positions[0, 0] == irb120_chain.lower[0]
+    with pytest.raises(
+        Unreachable,
+        match=r"joint limit: joint_1 is at its lower limit of -2\.88 rad \(-165 deg\)",
+    ):
+        require(solutions)

@@ -241,6 +241,10 @@ def test_a_flow_of_inputs_alone_gives_them_to_the_station():
     assert result.notes["inputs"] == {"kind": "signal_flow"}
     np.testing.assert_array_equal(result["inputs.Extra"], 0.25)
     np.testing.assert_array_equal(result["reader.Sum"], 0.5)
+    with pytest.raises(
+        SimrobError, match=r"input inputs.Extra: the blocks one and two both drive it"
+    ):
+        simulate(config, duration=0.01, blocks={"one": Source(), "two": Source()}, progress=False)
 
 
 @pytest.mark.parametrize(

@@ -239,7 +239,7 @@ class TestEditing:
 
         other.load(file)
 
-        assert other.program == held.program
+        assert other.program == held.program.on("humanoid_fixed")
         assert other.run(file).stop_time == pytest.approx(0.2)
 
 
@@ -873,3 +873,22 @@ def test_a_walk_leaves_arms_where_they_were_taught_to_be(standing):
     bearing = next(iter(gaits_of(standing.model, steps=True).values())).bearing.model_dump()
     own = planned_gait(standing, None, {"bearing": bearing}, steps=1)
     np.testing.assert_allclose(own.positions[:, arm], plain.positions[:, arm], atol=1e-9)
+
+
+@pytest.mark.parametrize("by_file", [False, True])
+def test_a_saved_program_names_its_station_so_that_it_runs(tmp_path, by_file):
+    """It was written without, and `simrob run` refused it."""
+    station = "humanoid_dynamic"
+    if by_file:
+        station = tmp_path / "station.yaml"
+        station.write_text(load_station("humanoid_dynamic").to_yaml())
+
+    saved = Program.load(LeggedRobot(station).save(tmp_path / "program.yaml"))
+
+    assert saved.station == str(station)
+
+
+def test_a_saved_program_names_no_station_that_is_another(tmp_path):
+    robot = LeggedRobot("humanoid_dynamic", overrides={"servo.kd": 20})
+
+    assert Program.load(robot.save(tmp_path / "program.yaml")).station is None

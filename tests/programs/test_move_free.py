@@ -439,3 +439,11 @@ def test_goals_reach_the_pose_by_different_postures(arm):
             chain.forward(found), np.broadcast_to(target, (len(found), 4, 4)), atol=1e-6
         )
         assert ((found >= chain.lower) & (found <= chain.upper)).all()
+
+
+def test_depths_of_overlaps_are_told_in_millimetres():
+    goal = GoalInCollision("point 1", 2, 0.0123, ("load", "floor"))
+    start = StartInCollision(0.0045, ("load", "shelf"))
+
+    assert "load would overlap floor by 12.3 mm" in str(goal)
+    assert "load overlaps shelf by 4.5 mm" in str(start)

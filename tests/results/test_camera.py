@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -99,6 +100,18 @@ def test_the_camera_goes_with_the_robot_but_does_not_sway(walked):
     np.testing.assert_array_equal(way[:, 2], 0.0)
     sway, camera = (np.abs(np.diff(values[:, 0])).sum() for values in (base, way))  # it walks to y
     assert camera < 0.6 * sway
+
+
+def test_the_camera_goes_as_far_wherever_the_robot_begins(walked):
+    values = walked.values.copy()
+    for axis, place in (("x", 3.0), ("y", -2.0)):
+        values[:, walked.names.index(f"base.{axis}")] += place
+    elsewhere = replace(walked, values=values)
+
+    way = walked_displacement(walked)(walked.times)
+    other_way = walked_displacement(elsewhere)(walked.times)
+
+    np.testing.assert_allclose(other_way[:, :2], way[:, :2], atol=1e-9)
 
 
 def test_a_walking_robot_is_equally_large_in_all_frames(walked):

@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from simrob_drake.results.plots.differences import differing_settings
-from simrob_drake.results.plots.overlay import overlay_figure, read_results
+from simrob_drake.results.plots.overlay import SavedSignals, overlay_figure, read_results
 from simrob_drake.results.plots.own import panels, save_figure
 
 
@@ -122,3 +122,17 @@ def test_a_long_title_stays_inside_of_a_narrow_figure(tmp_path, with_curve):
     title = figure.legends[0].get_title() if with_curve else figure._suptitle
 
     assert title.get_window_extent().x1 <= figure.bbox.x1 + 1
+
+
+@pytest.mark.parametrize(
+    ("unit", "label", "factor"),
+    [("rad", "deg", 57.29577951), ("rad/s", "deg/s", 57.29577951), ("m", "m", 1.0)],
+)
+def test_angles_and_their_speeds_are_drawn_in_degrees(unit, label, factor):
+    values = np.array([-0.5, 0.0, 1.0])
+    result = SavedSignals("run", np.arange(3.0), {"q.joint": values}, units={"q.joint": unit})
+
+    (frame,) = overlay_figure([result]).axes
+
+    np.testing.assert_allclose(frame.lines[0].get_ydata(), factor * values, rtol=1e-9)
+    assert f"[{label}]" in f"{frame.get_title()} {frame.get_ylabel()}"

@@ -105,6 +105,27 @@ def test_a_move_that_is_too_fast_gets_the_duration_at_which_it_is_not():
     assert not [warning for warning in slower.warnings if "of its speed" in warning]
 
 
+def test_servos_that_swing_are_given_damping_whatever_bound_they_exceed():
+    swinging = run("irb120_dynamic", {"servo.kp": 1e5, "servo.kd": 0.0}, duration=1.5)
+
+    remedies = {remark.remedy.text for remark in swinging.verdict.remarks if remark.remedy}
+
+    assert len(swinging.verdict.remarks) > 2
+    assert remedies == {"the servo of joint_1 swings about its reference: raise kd, or reduce kp"}
+
+
+def test_a_servo_that_sags_and_lags_has_one_remedy():
+    """The largest error, which lasts to the end, was put down to a lag, and the final error to gravity."""
+    bounds = {"verdict.largest_error_deg": 1.0, "verdict.final_error_deg": 1.0}
+    sagging = run("irb120_dynamic", {"servo.kp": 300, "servo.kd": 30, **bounds}, duration=3.0)
+
+    ended = remark_about(sagging, "joint_2 ended").remedy
+    was = remark_about(sagging, "joint_2 was").remedy
+
+    assert ended == was
+    assert was.key == "servo.feedforward"
+
+
 def test_a_motor_that_cannot_hold_is_not_given_more_time():
     weak = run("irb120_dynamic", {"servo.torque_limit": {"joint_2": 2}}, duration=1.0)
     remedy = remark_about(weak, "joint_2 ended").remedy

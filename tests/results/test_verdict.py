@@ -282,3 +282,19 @@ def test_the_command_line_tells_the_verdict(options, code, tmp_path, capsys):
     assert figure["value"] == max(figure["each"].values()) > figure["bound"]
     assert summary["verdict"]["sample_rate"] == 100
     assert any("from its target position" in warning for warning in summary["warnings"])
+
+
+@pytest.mark.parametrize(
+    ("rates", "joined"), [((500.0, 100.0), 100.0), ((None, 250.0), 250.0), ((None, None), None)]
+)
+def test_joined_verdicts_have_the_lowest_rates_of_their_runs(rates, joined):
+    """What happened between two evaluations may have been missed in one of the runs: the coarsest rate counts."""
+    runs = [
+        Verdict(measures=(), sample_rate=sample_rate, contact_rate=rate)
+        for sample_rate, rate in zip((200.0, 100.0), rates, strict=True)
+    ]
+
+    whole = join_verdicts(runs, [1.0, 1.0])
+
+    assert whole.contact_rate == joined
+    assert whole.sample_rate == 100.0

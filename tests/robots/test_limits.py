@@ -15,6 +15,7 @@ from simrob_drake.robots.limits import (
     AxisLimits,
     ClampedPosition,
     distinct_texts,
+    middles,
 )
 from simrob_drake.stations.load import bare_station
 from simrob_drake.stations.resolve import resolve
@@ -126,3 +127,24 @@ def test_references_share_the_tolerance(kind: str) -> None:
         bare_station(
             "irb120", {"reference": {"kind": kind, "target_deg": {"joint_1": upper + 0.01}}}
         )
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "position"),
+    [
+        (-90.0, 45.0, 0.0),
+        (10.0, 50.0, 30.0),
+        (-80.0, -20.0, -50.0),
+        (1e-13, 50.0, 0.0),
+        (-np.inf, np.inf, 0.0),
+    ],
+)
+def test_an_axis_begins_at_zero_or_in_the_middle_of_a_range_without_zero(lower, upper, position):
+    axis = AxisLimits(
+        names=("turn",),
+        lower=np.deg2rad([lower]),
+        upper=np.deg2rad([upper]),
+        revolute=np.array([True]),
+    )
+
+    np.testing.assert_allclose(middles(axis, np.deg2rad([1.0])), [position], atol=1e-9)

@@ -196,6 +196,22 @@ pieces: {part: {mesh: other.obj, scale: 1, parent: world}}
     assert copied.reference.file == Path("files/reference/table.csv")
 
 
+def test_a_mesh_with_a_texture_of_others_is_not_copied(places, tmp_path):
+    own, other = places
+    (other / "wood.mtl").write_text("newmtl wood\n")
+    (own / "box.obj").write_text(f"mtllib ../{other.name}/wood.mtl\n{BOX}")
+    (own / "piece.yaml").write_text("mass: 1\ninertia: [1, 1, 1]\nshapes: [{mesh: box.obj}]\n")
+    text = "robot: {urdf: arm.urdf}\npieces: {part: {model: piece.yaml, parent: world}}\n"
+    (own / "arm.urdf").write_text(URDF.format(mesh="plain.obj"))
+    (own / "plain.obj").write_text(BOX)
+    config = load_station(station(own, text))
+
+    copied = with_copied_files(config, tmp_path)
+
+    assert copied.pieces["part"].model == str(own / "piece.yaml")
+    assert copied.robots["robot"].urdf == Path("files/robots/robot/arm.urdf")
+
+
 def test_a_station_carries_what_it_names(places, tmp_path):
     own, other = places
     (own / "arm.urdf").write_text(URDF.format(mesh=other / "box.obj"))

@@ -490,3 +490,12 @@ def test_a_robot_may_be_called_as_the_key_of_an_origin():
 
     models = {name: robot.model for name, robot in config.robots.items()}
     assert models == {"model": "double_pendulum", "urdf": "irb120"}
+
+
+def test_the_file_of_a_robot_is_no_station_and_the_command_that_makes_one_is_named(tmp_path):
+    """The error listed all stations of the package."""
+    file = tmp_path / "arm.urdf"
+    file.write_text("<robot name='arm'/>")
+
+    with pytest.raises(SimrobError, match=r"is the file of a robot.*; simrob station .*arm\.urdf"):
+        load_station(file)

@@ -10,6 +10,7 @@ import yaml
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.results.block_diagram.picture import station_dot
 from simrob_drake.results.record.summary import summary_of
+from simrob_drake.results.result import table_of
 from simrob_drake.robots.motors import CommandBusConfig, known_motors
 from simrob_drake.simulation import simulate
 from simrob_drake.stations.checks import check_station
@@ -249,6 +250,28 @@ def test_peaks_and_heat_are_told(joint: Path) -> None:
     assert values["rated_time"] == pytest.approx(time_above_rated / duration, rel=0.05)
 
 
+def test_a_motor_cools_as_well_as_it_warms(joint: Path) -> None:
+    """The heat is the convolution of (τ / τ_r)² with exp(-t / T) / T; here T is as short as the motion."""
+    warming_time = 0.2  # T [s]
+    motor = {**FIGURES, "thermal_time": warming_time}
+    result = simulate(load_station(joint, {"servo.motor": motor, "solver": RADAU}))
+    load = (result.axes("tau")[:, 0] / RATED) ** 2
+    heat = np.array(
+        [
+            np.trapezoid(
+                load[: row + 1] * np.exp((result.times[: row + 1] - now) / warming_time),
+                result.times[: row + 1],
+            )
+            / warming_time
+            for row, now in enumerate(result.times)
+        ]
+    )
+
+    figures = summary_of(result, result.verdict)["verdict"]["figures"]
+
+    assert figures["heat"]["value"] == pytest.approx(heat.max(), rel=0.02)
+
+
 def test_check_tells_motors_and_what_warms_them(joint: Path) -> None:
     config = load_station(
         joint, {"gravity": 9.8, "robot.base": [0, 0, 1, 0, 0, 1.5707963], "servo.motor": "mx_28"}
@@ -404,3 +427,17 @@ def test_a_latency_is_neither_negative_nor_longer_than_a_second(latency: float) 
 def test_a_bus_is_drawn(joint: Path) -> None:
     station = load_station(joint, {"servo.bus": {"latency": 0.02}, "servo.realization": "implicit"})
     assert "delay 20 ms" in station_dot(station)
+
+
+def test_beside_a_peak_stands_what_the_motor_could_give_then(joint: Path) -> None:
+    """Braking, a motor gives more than its stall torque: beside that limit the peak looked like a fault."""
+    result = simulate(load_station(joint, {**MOTOR, "servo.kp": 15000.0, "servo.kd": 400.0}))
+    tau, speed = result.axes("tau")[:, 0], result.axes("v")[:, 0]
+    row = int(np.argmax(np.abs(tau)))
+    slope = STALL / FASTEST
+
+    peak, limit = (float(cell) for cell in table_of(result)[1][5:7])
+
+    assert abs(peak) > STALL
+    assert limit == pytest.approx(STALL + slope * abs(speed[row]), rel=1e-3)
+    assert abs(peak) <= limit * 1.001

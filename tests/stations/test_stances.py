@@ -109,6 +109,34 @@ def test_links_that_lie_in_each_other_at_home_are_turned_apart(robot_of, clearan
     assert stance.how == "in the home posture, with some links turned apart"
 
 
+def test_coupled_axes_are_turned_together(robot_of, clearance_of):
+    """The hand overlaps the trunk. A flag on top of the trunk follows the hand's joint in the robot's file."""
+    parts = (
+        link("trunk", "0.5 0.5 0.2", "0 0 0.1", 20.0),
+        link("arm", "0.1 0.02 0.02", "0.05 0 0", 0.1),
+        link("hand", "0.2 0.04 0.04", "-0.1 0 0", 0.1),
+        link("flag", "0.02 0.02 0.02", "0 0 0.01", 0.01),
+    )
+    follower = joint("flag", "trunk", "-0.2 0.2 0.3").replace(
+        "</joint>", '<mimic joint="hand_joint" multiplier="0.5"/></joint>'
+    )
+    urdf = robot_of(
+        *parts,
+        joint("arm", "trunk", "0.2 0 0.22"),
+        joint("hand", "arm", "0.12 0 -0.03"),
+        follower,
+        base="floating",
+        axes=["arm_joint", "hand_joint", "flag_joint"],
+    )
+
+    _, stance = first_of(clearance_of(urdf, **DYNAMIC))
+
+    assert stance is not None
+    _, hand, flag = stance.posture
+    assert hand != 0.0
+    assert flag == pytest.approx(0.5 * hand)
+
+
 @pytest.mark.long
 def test_check_says_that_a_robot_kneels(quadruped, clearance_of):
     urdf = quadruped()

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from simrob_drake.base.messages import message
 from simrob_drake.base.remarks import Remark
 from simrob_drake.base.sections import validate_section
-from simrob_drake.extensions.pendant.pages.words import Notice
+from simrob_drake.extensions.pendant.pages.words import JudgedRun, Notice
 from simrob_drake.extensions.pendant.program_book import ProgramBook
 from simrob_drake.extensions.pendant.run import Kind
 from simrob_drake.extensions.pendant.run_client import RunClient, done
@@ -382,7 +382,8 @@ class MoveRunner:
             return
         if not news["goes_on"]:
             fell()
-        self._client.say(_notice_of(news, judged=not jogged))
+        judged = JudgedRun(run.ended[-1].number, dict(self._book.settings))
+        self._client.say(_notice_of(news, None if jogged else judged))
 
     def _noted(self, change: dict[str, Any]) -> None:
         """Put a change of the run into the program, or to what is tried, if its time is theirs."""
@@ -402,16 +403,16 @@ class MoveRunner:
             book.record(now.replaced(changes=with_change(now.changes, made)), label)
 
 
-def _notice_of(ended: News, *, judged: bool) -> Notice:
+def _notice_of(ended: News, judged: JudgedRun | None) -> Notice:
     """Make the notice of how a run ended.
 
     Args:
         ended: the news of its end.
-        judged: whether its verdict counts. The sentence of a run that is not judged, as of a jog, is left out if the
-            run went to its end.
+        judged: the run that its verdict is about. None if the verdict does not count, as that of a jog; then a run that
+            went to its end has an empty notice.
     """
-    if judged:
-        return Notice.of_remarks(ended["remarks"], ended["criteria"])
+    if judged is not None:
+        return Notice.of_remarks(ended["remarks"], ended["criteria"], judged)
     if ended["ending"] == "completed":
         return Notice()
     return Notice.of_remarks([Remark(ended["remarks"][0].severity, ended["message"])])

@@ -107,7 +107,10 @@ class ForceControl(LoopSection):
     def _block(self, key: str, robot: StationRobot, site: Site) -> SampledBlock:
         """Create the loop's block for its robot in the station under construction, the site. The key is for errors."""
         # Force and direction have the axes of the frame that the sensor's section names, if it names one.
-        sensor = site.station.sensors.get(self.reads["force"])
+        # The section may write the name of the sensor, or that of its output: ``tip`` or ``force.tip``.
+        sensors = site.station.sensors
+        source = self.reads["force"]
+        sensor = sensors.get(source, sensors.get(source.removeprefix("force.")))
         # An output that is no sensor, such as that of a block of the user's own, has the axes of the world.
         sensor_frame = frame_of(site.plant, getattr(sensor, "frame", WORLD))
         return PressingTool(
@@ -367,7 +370,7 @@ class MotorProtection(LoopSection):
 
         Raises:
             InvalidParameter: a limit is not positive, ``limit`` is not less than the limit of the servo, ``nominal`` is
-                larger than ``limit``, or the servo has kp = 0.
+                larger than ``limit``, or the axis has one of both and its servo kp = 0.
         """
         name = robot.axes[axis]
         unit = robot.model.units[axis].effort
@@ -619,7 +622,9 @@ class GuardedMotors(SampledBlock):
         return {**changes, "stage": _WARNS if largest_heat >= section.warn else _WATCHES}
 
     def _give_way(self, memory: Named, read: Named, heat: Vector) -> Changes:
-        """Move overloaded axes with their load, and return the others; stop if an axis is at its limit for too long.
+        """Move overloaded axes with their load, and return the others; stop if that lasts too long.
+
+        The time counts while at least one axis is at its limit, also if it is not always the same one.
 
         Args:
             memory: memory before the sample.
@@ -630,7 +635,7 @@ class GuardedMotors(SampledBlock):
             The new values of the memory, without heat and timers of the single axes.
 
         Raises:
-            RunEnds: an axis is at its limit for too long, and the section ends the run then.
+            RunEnds: axes are at their limits for too long, and the section ends the run then.
         """
         torque = read["torque"]
         offset = memory["offset"]

@@ -81,9 +81,9 @@ class GetUp(LoopSection):
             station: contents of the station.
 
         Raises:
-            SimrobError: the robot does not stand on feet of its own, or its postures are missing or name axes that it
-                does not have; or by the checks of the base class the robot does not exist, the station has no servos,
-                or the rate is too high.
+            SimrobError: the robot does not stand on feet of its own, or its postures are missing or invalid, beyond
+                limits of axes, or name axes that it does not have; or by the checks of the base class the robot does
+                not exist, the station has no servos, or the rate is too high.
         """
         super().check(key, station)
         model = self.on_feet(key, station).model
@@ -121,7 +121,8 @@ def _load_sequences(model: RobotModel) -> list[list[RisingGoal]]:
         Two sequences: the one from lying on the front, then the one from lying on the back.
 
     Raises:
-        SimrobError: the robot's files have no postures to get up, or the postures name axes that it does not have.
+        SimrobError: the robot's files have no postures to get up, or the postures are invalid, beyond limits of axes,
+            or name axes that it does not have.
     """
     getting_up = load_getting_up(model)
     sequences = list[list[RisingGoal]]()

@@ -630,7 +630,8 @@ def _drive(
     """Connect the outputs of loops to the inputs of their robot: reference, its velocity, and feedforward.
 
     The reference is limited to the joint limits after all layers. Apart from the limits, blocks are only added for
-    outputs that a loop has.
+    outputs that a loop has, and for its input ``asked``. An output ``offset_velocity`` has no effect if the station has
+    no input for the velocity of the reference.
 
     Args:
         builder: builder of the diagram.

@@ -49,8 +49,8 @@ def declare_output(
 ) -> None:
     """Declare an output of a controller, ``<controller>.<output>``, with its result columns and its plot.
 
-    An output with as many values as a robot has axes gets columns named after the axes. Otherwise they are numbered
-    from 0, or a single value has the output's name.
+    A single value has the output's name. Several values, as many as a robot has axes, get columns named after the axes.
+    Otherwise the columns are numbered from 0.
 
     Args:
         site: the station under construction.
@@ -243,7 +243,8 @@ def named_blocks(blocks: Mapping[str, LeafSystem] | Sequence[LeafSystem]) -> dic
             no identifier, the name of its class, such as ``my_block`` for ``MyBlock``.
 
     Raises:
-        InvalidParameter: a block is not a LeafSystem or is given twice, or a name is no identifier or is given twice.
+        InvalidParameter: ``blocks`` is neither a mapping nor a list, a block is not a LeafSystem or is given twice, or
+            a name is no identifier or is given twice.
     """
     if isinstance(blocks, Mapping):
         pairs = list(blocks.items())
@@ -307,17 +308,22 @@ def _check_block(name: Any, block: Any, accepted: Mapping[str, LeafSystem]) -> N
         )
 
 
-def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
-    """Find which block has each output, and check that no two blocks drive the same input of a robot.
+def output_owners(
+    blocks: Mapping[str, LeafSystem], station_inputs: Collection[str] = ()
+) -> dict[str, str]:
+    """Find which block has each output, and check that no two blocks drive the same input.
+
+    The inputs are those of robots in `DRIVABLE`, and the given ones.
 
     Args:
         blocks: own blocks by name.
+        station_inputs: names of further inputs, such as those of signal flows, with the prefixes of robots.
 
     Returns:
         The name of the first block that has an output, by the name of the output.
 
     Raises:
-        InvalidParameter: two blocks could drive the same input.
+        InvalidParameter: two blocks have outputs of the same name, which is that of an input.
     """
     owners: dict[str, str] = {}
     for name, block in blocks.items():
@@ -326,7 +332,7 @@ def output_owners(blocks: Mapping[str, LeafSystem]) -> dict[str, str]:
             owner = owners.setdefault(output, name)
             # Without a prefix, or with that of a robot: ``left.reference`` drives the reference of the robot ``left``.
             # Other outputs may have equal names, since they become signals with the names of their blocks.
-            is_drivable = output.rpartition(".")[2] in DRIVABLE
+            is_drivable = output in station_inputs or output.rpartition(".")[2] in DRIVABLE
             if owner != name and is_drivable:
                 raise Unsuitable(
                     message("parts.input_called", "the input {port}", port=output),
@@ -369,7 +375,7 @@ def with_driven(inputs: Sequence[str], blocks: Mapping[str, LeafSystem]) -> tupl
         The inputs, each one once.
 
     Raises:
-        InvalidParameter: two blocks drive the same input.
+        InvalidParameter: two blocks drive the same one of the inputs in `DRIVABLE`.
     """
     # The names without the prefixes of robots: a station makes an input for all of its robots.
     names = {output.rpartition(".")[2] for output in output_owners(blocks)}
@@ -389,7 +395,7 @@ def add_own_blocks(builder: DiagramBuilder, site: Site, blocks: Mapping[str, Lea
         InvalidParameter: two blocks drive the same input.
     """
     # It raises an error if two blocks drive the same input.
-    output_owners(blocks)
+    output_owners(blocks, site.inputs)
     site.blocks.update(blocks)
     for name, block in blocks.items():
         # An own block has no kind as other controllers have: results name its class instead.

@@ -178,7 +178,7 @@ def _targets(cell: Cell, model: RobotModel) -> Vector:
 
 
 class CellSequence(SampledBlock):
-    """Ramp from cell to cell, each when the one before is reached.
+    """Ramp from cell to cell, each when the one before is reached, or has timed out if the section goes on then.
 
     With the origin o at which a cell's ramp begins, its goal g and its duration T, the target at the time t since the
     beginning of the cell is o + min(t / T, 1) (g - o).
@@ -186,7 +186,7 @@ class CellSequence(SampledBlock):
     Ports:
         in  ``position``, ``velocity`` (n) [rad, rad/s]: measured; ``reference`` (n): where the first ramp begins.
         out ``target`` (n) [rad]; ``active`` (1): 1 from the first sample on; ``cell`` (1): the number of the cell,
-        counted from 0; ``done`` (1): 1 once the last is reached.
+        counted from 0; ``done`` (1): 1 once the last is over in one of these ways.
     """
 
     def __init__(

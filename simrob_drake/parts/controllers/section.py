@@ -71,8 +71,12 @@ class ControllerSection(Strict):
 
     @property
     def robot_name(self) -> str | None:
-        """Robot that the section names under ``robot``. None if it names none, which means the only robot."""
-        # Sections without this key drive no robot of the station, or all of them.
+        """Robot that the section names under ``robot``. None if it names none.
+
+        In a section with this key, None means the only robot. A section without it drives no robot of the station, or
+        all of them.
+        """
+        # Not all kinds of controller have the key.
         return getattr(self, "robot", None)
 
     def command_limits(self, robot: ResolvedRobot) -> Sequence[tuple[float, float]]:

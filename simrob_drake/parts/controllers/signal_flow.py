@@ -384,7 +384,7 @@ class SignalFlow(ControllerSection):
         return station_inputs
 
     def _draw(self, site: Site, name: str, robot: StationRobot | None, net: "_FlowNet") -> None:
-        """Draw the flow in the picture of the station, with its blocks unless they are more than `_MOST_DRAWN_BLOCKS`.
+        """Draw the flow in the picture of the station, with the blocks of its net unless they are too many.
 
         Args:
             site: the station under construction.
@@ -398,6 +398,7 @@ class SignalFlow(ControllerSection):
             name=wrap_label(name),
             count=len(self.blocks),
         )
+        # The net has the sums of torques, forces and stops as blocks, too, but no inputs of the station.
         inner_blocks = net.inner_blocks() if len(net.blocks) <= _MOST_DRAWN_BLOCKS else None
         site.picture.draw(f"controller.{name}", "loop", label, robot, net=inner_blocks)
 
@@ -444,8 +445,9 @@ def add_flows(
     Raises:
         SimrobError: a term names no signal, there is an algebraic loop, or the periods of blocks do not fit.
     """
-    # If one flow has states, Drake integrates, and asks all flows for derivatives. The law of a block, which is the
-    # block itself or an equivalent one, has its states; `start` is empty if there are none.
+    # If a block of one flow has continuous states, Drake integrates, and asks all flows for derivatives. Sampled states
+    # count here, too, which does no harm. The law of a block, which is the block itself or an equivalent one, has its
+    # states; `start` is empty if there are none.
     for flow in flows.values():
         integrated |= any(block.law.start for block in flow.blocks.values())
     # Torques of the flows, by the name of the robot that they drive.
@@ -676,8 +678,8 @@ class _FlowNet:
                     entry = index if signal.entries is None else signal.entries[index]
                     return _Element(signal.output, entry, is_measured=True)
 
-        # Nothing was found: the error lists all names that would be right.
-        known = [*self.blocks, _ONE, _TIME]
+        # Nothing was found: the error proposes a name of a block, an input or a column.
+        known = [*self.blocks, *self._station_inputs, _ONE, _TIME]
         for signal in self._readable_signals:
             known += signal.names
         raise UnknownName(

@@ -97,7 +97,7 @@ class _FootState(NamedTuple):
     Attributes:
         heights: heights of its contact points, shape (k,) [m].
         arms: contact points from the foot's origin, in the world's axes, shape (k, 3) [m].
-        home: point of the foot that was below the centre of mass at the start, shape (3,) [m].
+        home: present position of the point of the foot that was below the centre of mass at the start, shape (3,) [m].
         velocity: velocity of the foot.
     """
 
@@ -119,7 +119,7 @@ class Support:
         """Prepare the computation.
 
         Args:
-            robot: a robot with feet.
+            robot: a robot with feet, whose root floats.
             facing: direction in which the robot looks at the start, from the world's x axis [rad].
         """
         assert robot.feet is not None  # the section has checked it
@@ -402,7 +402,7 @@ def limb_to(robot: StationRobot, end: Frame) -> Limb:
     """Find the limb from a robot's root to a frame, whose origin is the end of the limb.
 
     Raises:
-        Unsuitable: no joint moves the frame, or a joint on the way slides.
+        Unsuitable: no axis moves the frame, or an axis on the way does not turn.
     """
     plant = robot.plant
     context = plant.CreateDefaultContext()

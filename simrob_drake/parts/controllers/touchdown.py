@@ -143,6 +143,8 @@ class UnknownGround(SampledBlock):
         self.components = {"phase": tuple(limbs)}
         self._limbs = dict(limbs)
         self._section = section
+        # Share of the offsets that is added to the reference.
+        self._weight = section.weight or 1.0
         # An offset that decays with a time constant is multiplied by exp(-period / constant) at each sample.
         self._release_factor = np.exp(-period / section.release)
         self._settle_factor = np.exp(-period / section.settle)
@@ -181,8 +183,8 @@ class UnknownGround(SampledBlock):
             name: memory[name].copy()
             for name in ("offset", "posture", "torques", "phase", "sought")
         }
-        # The reference that the servos get contains the loop's own offset of the last sample.
-        plan = read["reference"] - memory["offset"]
+        # The reference that the servos get contains the loop's own offset of the last sample, times its weight.
+        plan = read["reference"] - self._weight * memory["offset"]
         # Velocity of the plan [rad/s]. At the first sample the plan before is not known, so the velocity is wrong; it
         # is not used before a leg was lifted.
         velocity = (plan - memory["plan"]) / self.period
@@ -290,8 +292,8 @@ class UnknownGround(SampledBlock):
     ) -> None:
         """Apply only the torques from the moment of an early touch to a leg, until it follows the reference again.
 
-        A leg that did not touch early is not changed. The result is written to the new memory. With the reference at
-        the measured position, the servos themselves apply nothing but their damping.
+        A leg that touched as planned is not changed. A leg that follows the reference has its stored torques cleared.
+        With the reference at the measured position, the servos themselves apply nothing but their damping.
 
         Args:
             new: vectors of the new memory, by name, which are changed.
@@ -300,7 +302,8 @@ class UnknownGround(SampledBlock):
             velocity: velocity of the plan, shape (n,) [rad/s].
             follows: whether the leg follows the reference.
         """
-        # If the stored torques are all 0, the leg touched as planned, not early: then it stands with its offset.
+        # The torques are stored at an early touch, and cleared while the leg follows. So they are all 0 if the leg
+        # touched as planned: then it stands with its offset.
         if follows:
             new["torques"][leg] = 0.0
         elif new["torques"][leg].any():

@@ -142,9 +142,10 @@ class Walk(LoopSection):
 
         Raises:
             SimrobError: the robot does not stand on feet of its own, has no parameters or wrong ones, or stands too far
-                from its path; a foot is no tool, or lacks a force sensor that the others have; a height map is asked
-                for without feedback; a section that is strict has a command beyond the legs; or by the checks of every
-                loop the robot does not exist, the station has no servos, or the rate is too high.
+                from its path; a foot is no tool, or lacks a force sensor that the others have; force sensors are named,
+                but the gait does not use them; a height map is asked for without feedback; a section that is strict has
+                a command beyond the legs; or by the checks of every loop the robot does not exist, the station has no
+                servos, or the rate is too high.
         """
         super().check(key, station)
         robot = self.on_feet(key, station)
@@ -411,11 +412,12 @@ class WalkingLoop(SampledBlock):
             ``base_velocity`` (6): linear and angular, in the world [m/s, rad/s]; optionally, for each foot, the force
             on it (3), by its name, the last component upward [N]; ``command`` (3), as below, or not a number; ``waits``
             (1): not 0 while another loop moves the robot.
-        out ``target`` (n) [rad]; ``active`` (1): 1; ``offset_velocity`` (n) [rad/s]: velocity of the target;
-            ``capture`` (2): divergent component from the stance foot, ahead and to the left [m];
-            ``foot`` (1): the stance foot, 0 for the right one, 1 for the left one; ``command`` (3): command of the
-            walk, ahead and to the left [m/s], turn [rad/s]; ``clipped`` (1): 1 while more was commanded than the legs
-            can follow; ``blind`` (1): 1 while an input is not a number. The walk then continues as planned.
+        out ``target`` (n) [rad]; ``active`` (1): 1, but 0 while ``waits`` is not 0 and until the first finite motion is
+            measured; ``offset_velocity`` (n) [rad/s]: velocity of the target; ``capture`` (2): divergent component from
+            the stance foot, ahead and to the left [m]; ``foot`` (1): the stance foot, or group of feet, 0 for the right
+            one, 1 for the left one; ``command`` (3): command of the walk, ahead and to the left [m/s], turn [rad/s];
+            ``clipped`` (1): 1 while more was commanded than the legs can follow; ``blind`` (1): 1
+            while one of the first four inputs, the measured motion, is not finite. The walk then continues as planned.
     """
 
     units = MappingProxyType(
@@ -489,6 +491,8 @@ class WalkingLoop(SampledBlock):
 
     def command_by_hand(self, context: Context, values: Sequence[float]) -> None:
         """Command the walk from the next sample on. Neither the section nor a port commands it any more in this run.
+
+        The sample at the time 0 discards a command that is given before it.
 
         Args:
             context: context of the block, which is changed.
@@ -662,7 +666,7 @@ class WalkingLoop(SampledBlock):
         The slope of the ground under the feet is taken into account. Returns the new values of the memory.
 
         Args:
-            read: inputs of the sample, all finite.
+            read: inputs of the sample, of which the measured motion is finite.
         """
         engine = self.engine
         state = engine.body.observe(np.concatenate([read[name] for name in _MEASURED]))

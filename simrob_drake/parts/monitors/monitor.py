@@ -182,7 +182,8 @@ class PoseMonitorSection(MonitorSection):
 
         Raises:
             UnknownName: there is no such free piece or robot.
-            InvalidParameter: no robot is named, and the station has none or several; or the robot has no such tool.
+            InvalidParameter: no robot is named, and the station has none or several; or the robot has no such tool, or
+                none in use.
         """
         free = station.free_pieces
         if self.piece is not None:

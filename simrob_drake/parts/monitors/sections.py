@@ -116,7 +116,8 @@ class TorqueLimit(MonitorSection):
             station: contents of the station.
 
         Raises:
-            SimrobError: the robot or an axis does not exist, or a limit is not positive.
+            SimrobError: the robot or an axis does not exist, no robot is named and the station does not have exactly
+                one, a list of limits has a wrong length, or a limit is not positive.
         """
         super().check(name, station)
         limits = self._limits(station.robot(self.robot, f"monitors.{name}"))
@@ -360,7 +361,8 @@ class EmptyGrip(MonitorSection):
             station: contents of the station.
 
         Raises:
-            SimrobError: the robot does not exist, or has no fingers.
+            SimrobError: the robot does not exist or has no fingers, or no robot is named and the station does not have
+                exactly one.
         """
         super().check(name, station)
         robot = station.robot(self.robot, f"monitors.{name}")
@@ -618,7 +620,7 @@ class Fall(PoseMonitorSection):
             return _FallExcess(low, leaning)
 
         def excess(pose: Vector) -> float:
-            """Larger excess of the two bounds [1]. It is infinite if the pose is not finite."""
+            """Larger excess of the two bounds [1]. It is infinite if a height or tilt with a bound is not finite."""
             # Plain names and comparisons, since this is evaluated at every step.
             low, leaning = excesses(pose)
             # A pose that is not finite ends the run: comparisons would ignore a value that is not a number.

@@ -309,7 +309,7 @@ class CameraSensor(Sensor):
             name: name of the sensor.
 
         Raises:
-            Unsuitable: the camera is inside a shape at the start.
+            Unsuitable: the camera is inside a collision shape at the start.
         """
         parent, pose = self.mount(site.plant)
         self._check_outside(name, site.plant, parent, pose)
@@ -338,7 +338,7 @@ class CameraSensor(Sensor):
     def _check_outside(
         self, name: str, station: StationPlant, parent: FrameId, pose: RigidTransform
     ) -> None:
-        """Check that the camera is not inside of a shape at the start.
+        """Check that the camera is not inside of a collision shape at the start.
 
         Args:
             name: name of the sensor.
@@ -347,7 +347,7 @@ class CameraSensor(Sensor):
             pose: pose of the camera in the parent.
 
         Raises:
-            Unsuitable: the camera is more than 1 mm deep inside a shape.
+            Unsuitable: the camera is more than 1 mm deep inside a collision shape.
         """
         plant = station.plant
         scene_graph = station.scene_graph

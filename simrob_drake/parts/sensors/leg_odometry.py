@@ -92,8 +92,9 @@ class LegOdometry(SampledSensor):
             sensors: sections of the station's sensors, by name.
 
         Returns:
-            The names of the sensors by their purpose: `imu`, `encoders` and links of feet. A purpose for which the
-            section names no sensor is missing if the station has none or several of its kind.
+            The names of the sensors by their purpose: `imu`, `encoders` and the links of those feet for which the
+            section names a force sensor. If it names no IMU or encoders, this purpose is missing unless the station has
+            exactly one sensor of the kind.
         """
         found = dict[str, str]()
         for kind in ("imu", "encoders"):
@@ -110,9 +111,10 @@ class LegOdometry(SampledSensor):
             station: contents of the station.
 
         Raises:
-            SimrobError: the robot does not exist or does not stand on feet of its own; a sensor does not exist, is of
-                another kind, belongs to another robot or samples at another rate; or only some feet have a force
-                sensor.
+            SimrobError: the robot does not exist or does not stand on feet of its own; ``reads`` has another key than
+                ``imu``, ``encoders`` and links of feet; a sensor does not exist, is of another kind, or is not named
+                though it is not the only one of its kind; the IMU is not at the root link; the encoders are those of
+                another robot; one of both samples at another rate; or only some feet have a force sensor.
         """
         robot = station.robot(self.robot, key)
         if not robot.floats or robot.feet is None:

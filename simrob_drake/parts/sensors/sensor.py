@@ -1,8 +1,8 @@
 """Base classes of sensors, and the replay of sensors after a run.
 
 A sensor that something in the station reads is a block of the diagram, and takes its samples while the station is
-stepped. Any other sensor would only cost the solver time, so its samples are computed after the run from the recorded
-states: its block is replayed outside of the diagram.
+stepped. Any other sensor would only cost the solver time, so its values are computed after the run from the recorded
+states. For this, the block of a sampled sensor is *replayed* outside of the diagram: it takes all samples of the run.
 """
 
 from abc import ABC, abstractmethod
@@ -200,7 +200,8 @@ class SampledSensor(Sensor):
     ) -> None:
         """Add the sensor's block to the diagram, or arrange that it is replayed after the run; declare its outputs.
 
-        Each output port of the block becomes the station's output ``<port>.<sensor>``.
+        Each output port of the block becomes the station's output ``<port>.<sensor>``. It is a port only if the block
+        is in the diagram, and otherwise a function that computes the values after the run.
 
         Args:
             builder: builder of the diagram.
@@ -303,9 +304,9 @@ def _compute_after_run(
 
 
 def _first_sample(recorded: Recorded, period: float) -> int:
-    """Number of the first sample within a run, counted from the time 0: it is at the time number * ``period`` [s].
+    """Number of the first sample from the start of a run on, counted from the time 0, so it is at number * ``period``.
 
-    It is 0 for a run that begins at 0.
+    It is 0 for a run that begins at 0, and may be after the end of a run that is shorter than a period.
     """
     return int(np.ceil(recorded.step_times[0] / period - _SAME_SAMPLE))
 
@@ -314,6 +315,8 @@ def replay(
     recorded: Recorded, *, block: LeafSystem, inputs: Mapping[str, OutputPort | Compute]
 ) -> Replay:
     """Update a sampled block, outside of the diagram, at all its samples of a run that is over.
+
+    If there is no sample within the run, it takes one at the start of the run.
 
     Args:
         recorded: the run.
@@ -328,6 +331,9 @@ def replay(
     # Number after that of the last sample in the run.
     end_sample = int(np.floor(recorded.step_times[-1] / period + _SAME_SAMPLE)) + 1
     sample_times = period * np.arange(_first_sample(recorded, period), end_sample)
+    if sample_times.size == 0:
+        # A run that does not begin at 0, and is shorter than a period, may have no sample: it gets one at its start.
+        sample_times = recorded.step_times[:1]
 
     # Values of the inputs at all samples, shape (k, size), by port. Ports are evaluated together, which is faster.
     ports = {name: source for name, source in inputs.items() if isinstance(source, OutputPort)}

@@ -74,7 +74,8 @@ class Distance(ShapeSensor):
             name: name of the sensor.
 
         Raises:
-            InvalidParameter: one of the two has no collision shapes.
+            InvalidParameter: one of the two has no collision shapes, or the collisions of all their shapes are filtered
+                out, for example since both are parts of one robot.
         """
         body = shapes_of(site.plant, site.station, self.body)
         other = shapes_of(site.plant, site.station, self.other)

@@ -56,6 +56,18 @@ _ANY_GRAVITY = 1e-6
 _SHARE_OF_START = 0.5
 """An error at the start of at least this share of the largest error is taken for its cause."""
 
+_MOST_SWINGS = 4
+"""A servo with more swings than this about a reference at rest lacks damping: a damped one has a few that count."""
+
+_SHARE_OF_SWING = 0.5
+"""A swing to one side counts if it is at least this share of the largest: those of a damped servo get small."""
+
+_SMALLEST_SWING = 1e-3
+"""Smaller swings about the reference are not spoken of [rad, or m of sliding axes]."""
+
+_SHARE_OF_SAG = 0.5
+"""An axis that keeps at least this share of its largest error when the robot rests sags, rather than lags."""
+
 _STIFFER = 10.0
 """Bodies that sink into each other too deep get a contact stiffness so many times larger."""
 
@@ -63,19 +75,28 @@ _STIFFER = 10.0
 def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis, or of a robot's tool, that is not where it should be.
 
-    If a motor of the robot is saturated, it is more time or torque; if an axis still moves at the end, it is the remedy
-    of a lag. Otherwise gravity most likely causes the error: the remedy is gravity feedforward, or larger gains for
-    servos that cannot have it or have it already. Returns None for a kinematic station, and if no robot is found.
+    If a servo swings about its reference, the remedy is damping; if a motor of the robot is saturated, it is more time
+    or torque; if an axis still moves at the end, it is the remedy of a lag. Otherwise gravity most likely causes the
+    error: the remedy is gravity feedforward, or larger gains for servos that cannot have it or have it already. Returns
+    None for a kinematic station, and if no robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
         return None
+    damping = _damping_of_swing(run, robot)
+    if damping is not None:
+        return damping
     # A motor at its limit leaves an error whatever the gains are, so saturation is checked before the servo.
     if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
         return more_time_for_motors(run, entry)
     # An error that lasts while the reference moves is a lag, which gravity feedforward would not remove.
     if _moves_at_end(run, robot):
         return lag(run, entry)
+    return _against_sag(run, robot)
+
+
+def _against_sag(run: RecordedRun, robot: StationRobot) -> Remedy:
+    """Remedy of servos that rest away from their reference: feedforward if they can have it, or else larger gains."""
     if not _takes_feedforward(run, robot):
         text = message("results.remedy_stiffer_servo", "raise the servo's gains kp and kd")
         return Remedy(text, key=_servo_key(run, robot, "kp"))
@@ -86,19 +107,25 @@ def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
-    """Remedy of an axis that is too far behind its reference while it moves: more time, or larger gains.
+    """Remedy of an axis that is too far from its reference during the run: more time, or larger gains.
 
-    If the reference begins away from the robot, it is another start; if a motor of the robot is saturated, it is the
-    remedy of that motor. Returns None for a kinematic station, and if no robot is found.
+    If a servo swings about its reference, the remedy is damping; if the reference begins away from the robot, it is
+    another start; if a motor of the robot is saturated, it is the remedy of that motor; if most of the error is left
+    when the robot rests, it is that of a sag. Returns None for a kinematic station, and if no robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
         return None
+    damping = _damping_of_swing(run, robot)
+    if damping is not None:
+        return damping
     jump = _start_at_reference(run, robot, entry.subject)
     if jump is not None:
         return jump
     if torque_shares(run, robot).max(initial=0.0) >= AT_LIMIT:
         return more_time_for_motors(run, entry)
+    if not _moves_at_end(run, robot) and _rests_away(run, robot, entry.subject):
+        return _against_sag(run, robot)
     text = message(
         "results.remedy_lag", "the servos lag behind: give the motion more time, or raise kp and kd"
     )
@@ -108,40 +135,57 @@ def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of a motor that is at its torque limit.
 
-    If a motor of the robot is still saturated at the end, it presses on an obstacle or is too weak for the posture. If
-    the reference begins away from the robot, the remedy is another start. Otherwise it is more time. Returns None if no
-    robot is found.
+    If a servo swings about its reference, the remedy is damping. If a motor of the robot is still saturated at the
+    end, it presses on an obstacle or is too weak for the posture. If the reference begins away from the
+    robot, the remedy is another start; for a leg of a robot on legs, slower steps. Otherwise it is more time. Returns
+    None if no robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
-    # A motor that is at its limit when the motion is over is not helped by more time.
+    known = (
+        _damping_of_swing(run, robot)
+        or _less_torque_at_rest(run, robot)
+        or _start_at_reference(run, robot, entry.subject)
+    )
+    if known is not None:
+        return known
+    if robot.model.base == "floating":
+        return _slower_legs(run, robot, entry.subject)
+    text = message("results.remedy_more_time", "give the motion more time")
+    return _with_longer_reference(run, robot, text, _MORE_TIME)
+
+
+def _less_torque_at_rest(run: RecordedRun, robot: StationRobot) -> Remedy | None:
+    """Remedy of motors that are at their torque limits when the motion is over, which more time does not help.
+
+    They press on an obstacle, or are too weak for the posture. Returns None if no motor is at its limit at the end, and
+    for a robot on legs that still moves then: in a walk, motors may be at their limits for a moment.
+    """
     saturated = _saturated_at_end(run, robot)
-    if saturated.any() and _presses_on_something(run, robot, saturated):
+    if not saturated.any():
+        return None
+    if robot.model.base == "floating" and _moves_at_end(run, robot):
+        return None
+    if _presses_on_something(run, robot, saturated):
         text = message(
             "results.remedy_pressing",
             "at the end the motor presses against an obstacle instead of carrying a load: remove the obstacle, "
             "or move the target",
         )
         return Remedy(text)
-    if saturated.any():
-        text = message(
-            "results.remedy_weak_motor",
-            "the motor is too weak to hold this posture: reduce the load, or raise its torque limit",
-        )
-        return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
-    jump = _start_at_reference(run, robot, entry.subject)
-    if jump is not None:
-        return jump
-    text = message("results.remedy_more_time", "give the motion more time")
-    return _with_longer_reference(run, robot, text, _MORE_TIME)
+    text = message(
+        "results.remedy_weak_motor",
+        "the motor is too weak to hold this posture: reduce the load, or raise its torque limit",
+    )
+    return Remedy(text, key=_servo_key(run, robot, "torque_limit"))
 
 
 def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis or a tool that moves too fast: more time, in proportion to its speed.
 
-    For a robot with a floating base it is slower steps. If the reference begins away from the robot, it is another
-    start. Returns None if no robot is found.
+    If a servo swings about its reference, it is damping. For a robot with a floating base it is slower steps. If the
+    reference begins away from the robot, it is another start. Returns None if no robot is found.
 
     Args:
         run: the run.
@@ -150,6 +194,9 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     robot = robot_of(run, entry.subject)
     if robot is None:
         return None
+    damping = _damping_of_swing(run, robot)
+    if damping is not None:
+        return damping
     if robot.model.base == "floating":
         # The reference of a robot on legs comes from its walk: it has no duration that could be longer.
         return _slower_legs(run, robot, entry.subject)
@@ -189,9 +236,9 @@ def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
     if run.did:  # a planned move, of a program or of the command line
         text = message(
             "results.remedy_slower_walk",
-            "take shorter steps (simrob walk ... --amplitude 0.5) or slower ones (--step-time SECONDS); in a program: "
-            "{example}",
-            example="{walk: {steps: 4, amplitude: 0.5, step_time: 0.6}}",
+            "take shorter steps (simrob walk ... --amplitude 0.5) or slower ones (--step-time SECONDS, longer than "
+            "now); in a program: {example}",
+            example="{walk: {steps: 4, amplitude: 0.5}}",
         )
         return Remedy(text)
     return Remedy(_SLOWER_MOTION)
@@ -390,6 +437,61 @@ def _moves_at_end(run: RecordedRun, robot: StationRobot) -> bool:
     """Whether an axis of a robot still moves at the end of the run, faster than 1 % of its speed limit."""
     speeds = np.abs(run.axes("v", robot.name)[-1]) / robot.speed_limits
     return bool(speeds.max(initial=0.0) > _AT_REST)
+
+
+def _rests_away(run: RecordedRun, robot: StationRobot, subject: str) -> bool:
+    """Whether at least half of the largest error of an axis is left at the end of the run.
+
+    Args:
+        run: the run.
+        robot: the robot that the axis belongs to.
+        subject: name of the axis, such as ``left.joint_2``. For another subject, such as a tool, the axis with the
+            largest error counts.
+    """
+    errors = np.abs(run.axes("q_ref", robot.name) - run.axes("q", robot.name))
+    names = [f"{robot.prefix}{axis}" for axis in robot.axes]
+    axis = names.index(subject) if subject in names else int(errors.max(axis=0).argmax())
+    return bool(errors[-1, axis] >= _SHARE_OF_SAG * errors[:, axis].max())
+
+
+def _damping_of_swing(run: RecordedRun, robot: StationRobot) -> Remedy | None:
+    """Remedy of a servo that swings about its reference without end: more damping. Returns None if none swings."""
+    for index, axis in enumerate(robot.axes):
+        # An axis without kp, such as a pendulum's, swings by itself.
+        if robot.gains.passive[index] or robot.gains.kp[index] == 0:
+            continue
+        if not _swings(run, robot, index):
+            continue
+        text = message(
+            "results.remedy_swing",
+            "the servo of {axis} swings about its reference: raise kd, or reduce kp",
+            axis=f"{robot.prefix}{axis}",
+        )
+        return Remedy(text, key=_servo_key(run, robot, "kd"))
+    return None
+
+
+def _swings(run: RecordedRun, robot: StationRobot, index: int) -> bool:
+    """Whether an axis crosses its reference again and again, equally far to both sides, while the reference rests.
+
+    Args:
+        run: the run.
+        robot: the robot.
+        index: index of the axis.
+    """
+    reference = run.axes("q_ref", robot.name)[:, index]
+    position = run.axes("q", robot.name)[:, index]
+    # The last stretch of the run in which the reference rests.
+    moves = np.flatnonzero(np.diff(reference))
+    rest = slice(moves[-1] + 1 if len(moves) else 0, None)
+    error = (reference - position)[rest]
+    # Between two crossings of the reference, the error has one sign.
+    swings = np.split(error, np.flatnonzero(np.diff(np.sign(error))) + 1)
+    peaks = np.array([np.abs(swing).max(initial=0.0) for swing in swings])
+    if peaks.max(initial=0.0) < _SMALLEST_SWING:
+        return False
+    counted = peaks >= _SHARE_OF_SWING * peaks.max()
+    return int(np.count_nonzero(counted)) > _MOST_SWINGS
 
 
 def _takes_feedforward(run: RecordedRun, robot: StationRobot) -> bool:

@@ -20,7 +20,7 @@ from simrob_drake.base.remarks import Remark, Remedy
 from simrob_drake.extensions import pendant
 from simrob_drake.extensions.pendant.pages import shell
 from simrob_drake.extensions.pendant.pages.elements import KEYS
-from simrob_drake.extensions.pendant.pages.words import languages, texts_of, words
+from simrob_drake.extensions.pendant.pages.words import JudgedRun, languages, texts_of, words
 from simrob_drake.extensions.pendant.pendant import Pendant
 from simrob_drake.extensions.pendant.run import EndedRun, Moments
 from simrob_drake.results.verdict.judge import CRITERIA
@@ -517,12 +517,9 @@ def test_a_verdict_is_marked_as_old_once_a_run_begins_or_the_station_changes():
 
     async def scenario(user, pendant):
         session = pendant.session
-        session.run.ended.append(EndedRun(7, "program", 0.0, 1.0, "completed", {}, Moments()))
-        await heard(
-            session,
-            "message",
-            message=Notice.of_remarks([Remark("success", "all within bounds")], ROWS[1:]),
-        )
+        before = JudgedRun(7, {})
+        remarks = [Remark("success", "all within bounds")]
+        await heard(session, "message", message=Notice.of_remarks(remarks, ROWS[1:], before))
         assert (is_old(user), marks(user)) == (False, [])
         await heard(session, "phase", phase="running")
         assert (is_old(user), marks(user)) == (
@@ -533,10 +530,14 @@ def test_a_verdict_is_marked_as_old_once_a_run_begins_or_the_station_changes():
         assert not is_old(user)
         await heard(session, "description", settings={"servo.kp": 500})
         assert (is_old(user), len(marks(user))) == (True, 1)
-        await heard(
-            session, "message", message=Notice.of_remarks([Remark("success", "again")], ROWS[1:])
-        )
+        now = JudgedRun(8, {"servo.kp": 500})
+        remarks = [Remark("success", "again")]
+        await heard(session, "message", message=Notice.of_remarks(remarks, ROWS[1:], now))
         assert not is_old(user)
+
+        # A page that is loaded again shows the message of before: its verdict is about the station of before.
+        await heard(session, "message", message=Notice.of_remarks(remarks, ROWS[1:], before))
+        assert marks(user) == ["Verdict on run 7, from before what is shown now"]
 
     visit(scenario)
 

@@ -349,3 +349,15 @@ def test_a_walk_begins_in_balance_with_its_soles_on_the_floor(robot, name):
     np.testing.assert_allclose(
         motion.trajectory().value(0)[:, 0], plant.robots["robot"].initial, atol=1e-12
     )
+
+
+@pytest.mark.parametrize(("robot", "plan_gait"), [("zjudancer", walk), ("yobotics", trot)])
+def test_widened_feet_stand_further_out_on_both_sides(robot, plan_gait):
+    narrow = feet_in_plan(plan_gait(robot, 2, widen=0.0))
+
+    wide = feet_in_plan(plan_gait(robot, 2, widen=0.012))
+
+    for foot in narrow.feet:
+        outwards = np.sign(foot.home[1])
+        moved = wide.positions[foot.name][0] - narrow.positions[foot.name][0]
+        assert outwards * moved[1] == pytest.approx(0.012, abs=1e-6)

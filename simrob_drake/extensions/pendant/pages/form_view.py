@@ -321,8 +321,8 @@ class Tuner:
         await asyncio.sleep(_PAUSE_OF_PRESSES)
         if this_press != self._presses:
             return
-        given = self._value_at(exponent)
-        self._expected.append(given)
-        self._wrong.text = await self.tuning.give(given)
+        value = self._value_at(exponent)
+        self._expected.append(value)
+        self._wrong.text = await self.tuning.give(value)
         if this_press == self._presses:
             self._is_giving = False

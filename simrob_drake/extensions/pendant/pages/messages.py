@@ -1,14 +1,13 @@
 """The messages of a session below the view: each line in the colour of its severity, and remedies with a button."""
 
 from collections.abc import Sequence
-from typing import Any
 
 from nicegui import ui
 
 from simrob_drake.base.remarks import SEVERITY_WORDS, Remedy, Severity
 from simrob_drake.extensions.pendant.form import as_text
 from simrob_drake.extensions.pendant.pages.elements import allow, follow, set_label
-from simrob_drake.extensions.pendant.pages.words import Notice, Words
+from simrob_drake.extensions.pendant.pages.words import JudgedRun, Notice, Words
 from simrob_drake.extensions.pendant.session import Session
 from simrob_drake.results.verdict.verdict import TABLE_HEADINGS, CriterionRow
 from simrob_drake.results.verdict.words import capitalize
@@ -33,7 +32,7 @@ class Messages:
         """Build the place for messages below the bar of the run. It follows the session."""
         self._session, self._t = session, t
         self._buttons: list[ui.button] = []
-        self._judged_settings: dict[str, Any] | None = None
+        self._judged: JudgedRun | None = None
         self._age: ui.label | None = None
         self._place = ui.element("div").classes("pendant-message")
         set_label(self._place.props("role=region"), t("run.messages"))
@@ -44,16 +43,13 @@ class Messages:
         """Show the last message in place of the one before."""
         notice = self._session.message
         self._buttons = []
-        # Only a verdict has criteria. It is about the station as it is now, and about the last run that ended.
-        self._judged_settings = dict(self._session.book.settings) if notice.criteria else None
+        self._judged = notice.judged
         self._place.clear()
         with self._place:
-            ended = self._session.run.ended
             self._age = None
-            if notice.criteria and ended:
-                self._age = ui.label(self._t("run.old_verdict", number=ended[-1].number)).classes(
-                    "pendant-age"
-                )
+            if notice.judged is not None:
+                text = self._t("run.old_verdict", number=notice.judged.number)
+                self._age = ui.label(text).classes("pendant-age")
             if notice.key or not notice.remarks:
                 self._build_line(notice.severity, self._text_of(notice))
             for remark, text in zip(notice.remarks, notice.lines(self._t.render), strict=True):
@@ -67,9 +63,9 @@ class Messages:
     def _follow_run(self) -> None:
         """Allow the buttons, and mark a verdict as old once another run has begun or the station has changed."""
         self._allow()
-        is_old = self._judged_settings is not None and (
+        is_old = self._judged is not None and (
             self._session.phase in ("running", "paused")
-            or self._session.book.settings != self._judged_settings
+            or self._session.book.settings != self._judged.settings
         )
         if self._age is not None:
             self._age.set_visibility(is_old)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from functools import cache
 from math import degrees
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 from simrob_drake.base.errors import one_of
 from simrob_drake.base.messages import in_language, message, number_in_language
@@ -92,6 +92,18 @@ def texts_of(language: str) -> dict[str, str]:
     }
 
 
+class JudgedRun(NamedTuple):
+    """What the verdict of a notice is about.
+
+    Attributes:
+        number: number of the run.
+        settings: keys of the station that were changed when the run ended, with their values.
+    """
+
+    number: int
+    settings: Mapping[str, Any]
+
+
 @dataclass(frozen=True)
 class Notice:
     """A message of a session for its pages: one text, or the remarks of a verdict.
@@ -102,6 +114,7 @@ class Notice:
         wrong: whether something went wrong.
         remarks: remarks about a run, the first of which sums it up; or further lines below the text.
         criteria: the table of criteria of the run's verdict.
+        judged: the run that the criteria are about. None if there are no criteria.
     """
 
     key: str = ""
@@ -109,12 +122,18 @@ class Notice:
     wrong: bool = False
     remarks: tuple[Remark, ...] = ()
     criteria: tuple[CriterionRow, ...] = ()
+    judged: JudgedRun | None = None
 
     @classmethod
-    def of_remarks(cls, remarks: Sequence[Remark], criteria: Sequence[CriterionRow] = ()) -> Self:
+    def of_remarks(
+        cls,
+        remarks: Sequence[Remark],
+        criteria: Sequence[CriterionRow] = (),
+        judged: JudgedRun | None = None,
+    ) -> Self:
         """Create the notice of remarks about a run. It is wrong if one of them is a warning or a failure."""
         wrong = worst_severity(list(remarks)) in ("warning", "failure")
-        return cls(wrong=wrong, remarks=tuple(remarks), criteria=tuple(criteria))
+        return cls(wrong=wrong, remarks=tuple(remarks), criteria=tuple(criteria), judged=judged)
 
     @property
     def severity(self) -> Severity:
