@@ -547,11 +547,12 @@ def interpolate_samples(
 
     Args:
         times: shape (m,) [s].
-        positions: shape (m, n) [rad].
+        positions: shape (m, n) [rad or m].
         linear: whether straight lines join the samples. Only two samples are always joined by a straight line.
 
     Raises:
-        InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.
+        InvalidParameter: there are fewer than two samples, the times do not rise, values are not finite, or the shapes
+            do not fit.
     """
     breaks, samples = _check_samples(times, positions)
     # A spline with continuous second derivatives needs three samples.

@@ -48,12 +48,14 @@ def refuse_other(text: str) -> None:
 
     Args:
         text: argument of a command. If there is no such file or folder, it passes: it may be the name of a station. A
-            folder or a YAML file without a description passes, too, and is reported when the station is loaded.
+            folder, a YAML file and the file of a robot pass, too, if they have no description: they are reported when
+            the station is loaded.
 
     Raises:
         InvalidConfig: there is a description of the file or folder. The message says what it is, and which command
             takes it.
-        InvalidConfig: the file is no YAML file and has no description, or is a YAML file that cannot be read.
+        InvalidConfig: the file has no description, and is neither a YAML file nor the file of a robot; or it is a YAML
+            file that cannot be read.
     """
     file = Path(text)
     if not isdir(file) and not isfile(file):

@@ -416,7 +416,7 @@ def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
 
     The name of the source is not among them, so that equal files of different names share one entry of the cache. A
     robot without a name, which is named after its file, then has the name of the file that was imported first. Files
-    that do not exist are left out.
+    that do not exist, and meshes that may not be read, are left out.
     """
     yield options.model_dump_json().encode()
     semantic = options.srdf or srdf_of(source)

@@ -104,7 +104,7 @@ def _culprit(file: Path) -> str:
     # If Drake cannot build the robot without all suspects either, the cause is somewhere else.
     if not suspects or not _can_build_without(file, robot, suspects):
         return ""
-    # Halving: a robot of a thousand elements needs twenty builds at most.
+    # Halving: a robot of a thousand elements needs about twenty builds at most.
     while len(suspects) > 1:
         middle = len(suspects) // 2
         first_half = suspects[:middle]
@@ -114,7 +114,7 @@ def _culprit(file: Path) -> str:
         elif _can_build_without(file, robot, second_half):
             suspects = second_half
         else:
-            # There are two causes, one in each half.
+            # Each half has a cause.
             return ""
     owner = robot[suspects[0].owner]
     part = owner[suspects[0].part]

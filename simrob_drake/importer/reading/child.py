@@ -73,7 +73,8 @@ def in_child(
         the result of the job.
 
     Raises:
-        ChildFailed: the process does not end in time, crashes, or reports a problem.
+        ChildFailed: the process does not end in time, crashes, reports a problem, or sends anything else than requests
+            and a result, or too much.
     """
     environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
     environment |= _SETTINGS
