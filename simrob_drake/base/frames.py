@@ -355,7 +355,8 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
         name: name of the parameter, for the error.
 
     Raises:
-        InvalidParameter: they have another shape, numbers that are not finite, or a matrix that is no rigid motion.
+        InvalidParameter: there is no pose, the poses are not all of one form or have another shape, or they contain
+            numbers that are not finite or a matrix that is no rigid motion.
     """
     if isinstance(targets, RigidTransform):
         return np.array([targets.GetAsMatrix4()])

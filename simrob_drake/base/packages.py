@@ -186,7 +186,7 @@ def manifest_name(folder: Path) -> str:
 
 
 def _below(top: Path) -> Iterator[Path]:
-    """Yield a folder and the folders below it, level by level, so that the nearest come first."""
+    """Yield a folder and the next `_DEPTH` levels of folders below it, so that the nearest come first."""
     level = [top]
     count = 0
     for _ in range(_DEPTH + 1):

@@ -386,7 +386,7 @@ def _declared_values(header: dict[str, Any], key: str, name: str) -> list[int]:
 
 
 def _check_ply(data: bytes) -> CheckedMesh:
-    """Refuse PLY files whose header counts more elements than the file has bytes."""
+    """Refuse PLY files whose header counts more elements of one kind than the file has bytes."""
     # The header is text, also in a binary PLY. Data without an end of the header is no PLY, which the parser reports.
     end = data[:100_000].find(b"end_header")
     header = data[: end if end >= 0 else 10_000]

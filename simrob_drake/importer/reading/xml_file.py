@@ -63,8 +63,8 @@ def xml_element(path: Path, report: ImportReport) -> ET.Element:
         report: gets an entry for each repair.
 
     Raises:
-        InvalidModel: the file cannot be read, is too large, is empty, is no XML, has a document type, or nests elements
-            too deep.
+        InvalidModel: the file cannot be read, is too large, is empty, is no XML, has a document type or too many tags,
+            or nests elements too deep.
     """
     return parse_tree(xml_text(path, report), report)[0]
 
