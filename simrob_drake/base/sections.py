@@ -98,7 +98,8 @@ def check_plain(name: str) -> None:
     """Check a name that becomes a part of the names of ports, columns and files.
 
     Raises:
-        ValueError: the name has other characters than letters, digits and underscores, or too many.
+        ValueError: the name is empty, begins with a digit, or has too many characters, or others than letters, digits
+            and underscores.
     """
     # Dots and colons separate the parts of the names of columns and ports.
     if not name.isidentifier() or len(name) > _LONGEST_PART:

@@ -222,7 +222,8 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
         robot: name of the robot. None if the station has only one.
 
     Raises:
-        SimrobError: the station has several robots and none is named, or the robot has no acts.
+        SimrobError: the station or a change is wrong, the station has no such robot, or has several and none is named,
+            or the robot has no acts.
     """
     # Few commands need programs, which load scipy.
     from simrob_drake.programs.arm import Workcell

@@ -83,8 +83,7 @@ def import_robot(
 ) -> ImportedRobot:
     """Write a clean copy of a robot: URDF, OBJ meshes, a draft of its ``robot.yaml``, and a report as JSON.
 
-    The folder appears when all of its files are written. Nothing is written elsewhere, but ``robot_descriptions`` may
-    download a robot to its own folder.
+    The folder appears when all of its files are written. Nothing is written elsewhere.
 
     Args:
         source: a URDF or xacro file, another file that an importer reads, or a name of ``robot_descriptions``.

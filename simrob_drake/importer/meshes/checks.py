@@ -308,7 +308,7 @@ class _BuilderWithoutDoctype(ET.TreeBuilder):
 
 
 def _node_count(root: ET.Element) -> int:
-    """Count the nodes of a COLLADA file's largest scene, with a node counted for each of its instances.
+    """Count the nodes of a COLLADA file's largest scene, with a node counted for each of its instances, and the scene.
 
     Returns at most one more than the allowed count, also for a node that contains itself.
     """

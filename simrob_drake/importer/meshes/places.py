@@ -155,14 +155,16 @@ class MeshPlaces:
         return found, missing
 
     def _find_near(self, owner: Path, name: str) -> FoundFile:
-        """Find a file to which a mesh refers: in the folder of the mesh, or in the package that the name contains.
+        """Find a file to which a mesh refers: by its path from the folder of the mesh, or directly in this folder.
+
+        A name that contains a package is searched as by :meth:`find`.
 
         Args:
             owner: the mesh.
             name: name of the file in the mesh.
 
         Raises:
-            MeshMissing: no file has this name.
+            MeshMissing: no file has this name, or it is the address of a file on the network.
             OutsideBorder: the file is outside of the folders from which files may be read.
         """
         parsed = _parse_name(name)

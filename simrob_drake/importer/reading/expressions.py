@@ -246,7 +246,7 @@ def _binary(scope: _Scope, node: ast.BinOp) -> Any:
     """Value of an operator with two operands, such as ``x + y``.
 
     Raises:
-        NotAllowed: the result would be too large.
+        NotAllowed: the operator is not allowed, or the result would be too large.
     """
     left = scope.value(node.left)
     right = scope.value(node.right)
