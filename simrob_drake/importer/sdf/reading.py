@@ -223,7 +223,7 @@ class _Includes:
         Raises:
             MeshMissing: there is no such file, or it contains no model.
             OutsideBorder: the file may not be read.
-            InvalidModel: the file is no XML.
+            InvalidModel: the file, or the manifest of its folder, is no XML.
         """
         file = self._find_file(uri)
         model = read_included(xml_element, file.path, self.report).find("model")
@@ -245,8 +245,9 @@ class _Includes:
         """Find the SDF file at a URI, or the main SDF file of the model's folder there.
 
         Raises:
-            MeshMissing: there is no such file or folder.
+            MeshMissing: there is no such file or folder, or the folder has no SDF file.
             OutsideBorder: the file may not be read.
+            InvalidModel: the manifest of the folder is no XML.
         """
         border = self.places.border
         scheme, separator, rest = uri.partition("://")
@@ -289,6 +290,7 @@ class _Includes:
         Raises:
             MeshMissing: neither a file of the manifest nor ``model.sdf`` exists.
             OutsideBorder: the file may not be read.
+            InvalidModel: the manifest is no XML.
         """
         manifest = folder / MODEL_MANIFEST
         names = [_MAIN_FILE]

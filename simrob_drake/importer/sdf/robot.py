@@ -178,7 +178,8 @@ class RobotWriter:
         """Fill the ``robot`` element, and return it.
 
         Raises:
-            InvalidModel: an element refers to a frame that does not exist, or an axis has no direction.
+            InvalidModel: an element refers to a frame that does not exist, a pose is no pose, or an axis has no
+                direction.
         """
         has_world_joint = any(WORLD in (edge.parent, edge.child) for edge in self._edges)
         # Everything grows from the world, if the file connects it with a link: the robot is then fixed there.
