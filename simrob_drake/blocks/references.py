@@ -602,7 +602,7 @@ class HermiteSamples(NamedTuple):
     Attributes:
         times: shape (m,) [s].
         positions: shape (m, n) [rad or m].
-        velocities: shape (m, n) [rad/s].
+        velocities: shape (m, n) [rad/s or m/s].
     """
 
     times: Vector

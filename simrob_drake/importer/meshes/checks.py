@@ -345,7 +345,7 @@ def _node_count(root: ET.Element) -> int:
 
 
 def _check_gltf(data: bytes) -> CheckedMesh:
-    """Refuse glTF files that declare more numbers, bytes or nodes than a mesh can have."""
+    """Refuse glTF files whose JSON cannot be read, or declares more numbers, bytes or nodes than a mesh can have."""
     header = gltf_header(data)
     if not isinstance(header, dict):
         raise UnreadableMesh(message("importer.not_readable_gltf", "is not readable as glTF"))

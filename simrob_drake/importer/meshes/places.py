@@ -314,7 +314,8 @@ def _existing_file(path: Path) -> _ExistingFile | None:
 def in_any_case(path: Path) -> Path | None:
     """Find the file whose path equals a given absolute one up to capital letters.
 
-    Returns the first in order if there are several such files, and None if there is none.
+    In each folder on the way, the exact name is taken if it exists, else the first one in order that differs in capital
+    letters only. Returns None if this way leads to no file.
     """
     folder = Path(path.anchor)
     # Folder by folder from the root, as any of them may have other capital letters.

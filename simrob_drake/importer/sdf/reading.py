@@ -179,7 +179,7 @@ class _Includes:
             depth: count of includes that have led to it.
 
         Raises:
-            InvalidModel: a model may not be read, includes never end, or the model becomes too large.
+            InvalidModel: a model may not be read or is no XML, includes never end, or the model becomes too large.
         """
         for include in owner.findall("include"):
             # The order of models and links decides which link is the canonical one.
