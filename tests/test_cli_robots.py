@@ -66,6 +66,7 @@ def test_check_of_a_file_reports_and_writes_nothing(raw, tmp_path, capsys):
     assert not (tmp_path / "cache").exists()
 
 
+@pytest.mark.probe
 def test_modules_that_lie_around_are_never_run(raw, tmp_path, monkeypatch):
     trap = "from pathlib import Path\nPath(__file__).with_suffix('.sprung').touch()\n"
     for name in ("yaml", "numpy", "pydantic"):

@@ -90,7 +90,11 @@ class Distribution(Strict, ABC):
 
     @abstractmethod
     def part(self, value: Any) -> float:
-        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
+        """Compute a share from 0 to 1 for which :meth:`quantile` gives a value.
+
+        Args:
+            value: a value that the distribution has. The result for any other value is not defined.
+        """
 
     @abstractmethod
     def holds(self, value: Any) -> bool:
@@ -199,7 +203,7 @@ class Uniform(Distribution):
         return int(min(max(nearest, self.low), self.high))
 
     def part(self, value: Any) -> float:
-        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
+        """Compute the share from 0 to 1 for which :meth:`quantile` gives a value of the range, before it is rounded."""
         # The equation of `quantile`, solved for the share p.
         low, high = self._ends
         if self.log:
@@ -269,7 +273,7 @@ class Normal(Distribution):
         return min(max(value, self._low), self._high)
 
     def part(self, value: Any) -> float:
-        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`.
+        """Compute the share from 0 to 1 of all draws up to a value within the bounds: the inverse of :meth:`quantile`.
 
         It is 0.5 for a distribution with a single value.
         """
