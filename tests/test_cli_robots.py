@@ -66,6 +66,7 @@ def test_check_of_a_file_reports_and_writes_nothing(raw, tmp_path, capsys):
     assert not (tmp_path / "cache").exists()
 
 
+@pytest.mark.probe
 def test_modules_that_lie_around_are_never_run(raw, tmp_path, monkeypatch):
     trap = "from pathlib import Path\nPath(__file__).with_suffix('.sprung').touch()\n"
     for name in ("yaml", "numpy", "pydantic"):
@@ -120,6 +121,15 @@ def test_only_the_station_at_this_path_may_read_the_robot(raw, tmp_path, capsys)
 
     assert run_command(["check", "arm.yaml"]) == ExitCode.BAD_INPUT
     assert f"allow it with --mesh-path {private}" in capsys.readouterr().err
+
+
+def test_of_a_mesh_folder_nothing_around_it_is_remembered(raw, tmp_path):
+    meshes = tmp_path / "own" / "parts"
+    meshes.mkdir(parents=True)
+
+    assert run_command(["station", str(raw), "--mesh-path", str(meshes)]) == 0
+
+    assert remembered_grants(tmp_path / "work" / "arm.yaml") == [raw.parent, meshes]
 
 
 def test_a_damaged_memory_of_grants_allows_nothing(raw, tmp_path, capsys):

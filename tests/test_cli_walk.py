@@ -10,6 +10,7 @@ from simrob_drake import LeggedRobot, Workcell
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.cli import ExitCode
 from simrob_drake.cli.app import run_command
+from simrob_drake.cli.legged import _steps_taken
 from simrob_drake.programs.moves.walk import WalkMove
 
 pytestmark = pytest.mark.usefixtures("no_plots")
@@ -169,6 +170,15 @@ def test_an_act_is_that_of_the_program(tmp_path, capsys):
         saved[:, header.split(",").index("q.left_elbow")], expected["q.left_elbow"]
     )
     assert "came" not in capsys.readouterr().out  # its trunk is held
+
+
+def test_only_a_gait_with_shorter_steps_has_a_sentence_about_them():
+    dog = LeggedRobot(Workcell("yobotics_dynamic"))
+
+    trot = _steps_taken(dog, WalkMove(steps=6, gait="trot"))
+
+    assert trot.startswith("it took 11 steps for the distance of 6 full steps")
+    assert _steps_taken(dog, WalkMove(steps=6, gait="crawl")) == ""
 
 
 def test_an_unknown_act_is_answered_with_those_that_there_are(capsys):

@@ -212,7 +212,8 @@ def as_path(value: object, name: str) -> Path:
 def plain(value: Any) -> Any:
     """Convert NumPy's numbers and arrays in a value to Python's own numbers and lists.
 
-    Mappings and lists are converted at all levels. Keys of mappings become texts. Other objects stay as they are.
+    Mappings, lists and tuples are converted at all levels. Tuples become lists, and keys of mappings texts. Other
+    objects stay as they are.
     """
     # tolist() gives a Python number for an array without dimensions, and for a scalar of NumPy.
     if isinstance(value, (np.generic, np.ndarray)):

@@ -90,7 +90,11 @@ class Distribution(Strict, ABC):
 
     @abstractmethod
     def part(self, value: Any) -> float:
-        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
+        """Compute a share from 0 to 1 for which :meth:`quantile` gives a value.
+
+        Args:
+            value: a value that the distribution has. The result for any other value is not defined.
+        """
 
     @abstractmethod
     def holds(self, value: Any) -> bool:
@@ -199,7 +203,7 @@ class Uniform(Distribution):
         return int(min(max(nearest, self.low), self.high))
 
     def part(self, value: Any) -> float:
-        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`."""
+        """Compute the share from 0 to 1 for which :meth:`quantile` gives a value of the range, before it is rounded."""
         # The equation of `quantile`, solved for the share p.
         low, high = self._ends
         if self.log:
@@ -213,7 +217,10 @@ class Uniform(Distribution):
         return not self.integer or value % 1 == 0
 
     def grid(self, count: int) -> list[Any]:
-        """List evenly spaced values, both ends among them."""
+        """List evenly spaced values, both ends among them; with a count of 1, the lower end.
+
+        Integers are rounded, and equal ones are listed once. With `log`, the values have equal factors.
+        """
         space = np.geomspace if self.log else np.linspace
         values: list[Any] = space(self.low, self.high, count).tolist()
         if not self.integer:
@@ -266,7 +273,7 @@ class Normal(Distribution):
         return min(max(value, self._low), self._high)
 
     def part(self, value: Any) -> float:
-        """Compute the share of all draws up to a value, from 0 to 1: the inverse of :meth:`quantile`.
+        """Compute the share from 0 to 1 of all draws up to a value within the bounds: the inverse of :meth:`quantile`.
 
         It is 0.5 for a distribution with a single value.
         """
@@ -335,7 +342,11 @@ class Choice(Distribution):
         return self.values[min(max(index, 0), len(self.values) - 1)]
 
     def part(self, value: Any) -> float:
-        """Compute the middle of the share of all draws that a value has, so that :meth:`quantile` gives it back."""
+        """Compute the middle of the share of all draws that a value has, so that :meth:`quantile` gives it back.
+
+        Raises:
+            ValueError: the value is not in the list.
+        """
         return (self.values.index(value) + 0.5) / len(self.values)
 
     def holds(self, value: Any) -> bool:
@@ -473,10 +484,10 @@ def _plain_values(values: Sequence[Any] | Vector) -> list[Any]:
 
 
 def _read(content: Any, handler: ValidatorFunctionWrapHandler) -> Any:
-    """Make a distribution of a section or of a line of text, which the distribution keeps.
+    """Make a distribution of a section, of a list of values, or of a line of text, which the distribution keeps.
 
     Args:
-        content: the section or the line.
+        content: the section, the list or the line.
         handler: pydantic's function that makes a distribution of a section.
 
     Raises:
@@ -528,7 +539,8 @@ def parse_distribution(option: str, text: str) -> Distribution:
         text: the line, in one of the forms of `TEXTS`.
 
     Raises:
-        InvalidParameter: the line has none of the forms, or its range is empty or cannot have a logarithm.
+        InvalidParameter: the line has none of the forms, its range is empty, or its numbers are not possible for its
+            kind, such as a negative one that needs a logarithm.
     """
     try:
         _section(text)

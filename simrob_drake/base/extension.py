@@ -302,7 +302,8 @@ def load_addition_class(addition: Addition, base: Any, named_by: str = "") -> An
         named_by: attribute of the class that must be the announced name, such as the ``key`` of a move; none if empty.
 
     Raises:
-        BrokenExtension: the class cannot be imported, has another base, or another name. The message names the package.
+        BrokenExtension: the class cannot be imported, is not derived from the base, lacks a method that the base
+            requires, or has another name. The message names the package.
     """
     found = load_addition(addition)
     # issubclass would raise a TypeError for an object that is no class, such as a function.

@@ -47,7 +47,8 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
         largest: largest size [bytes].
 
     Raises:
-        NotRead: there is no such file, it is no regular file, or no file can have its name.
+        NotRead: the file cannot be read: there is none, it is no regular file, no file can have its name, or the system
+            refuses it.
         TooLarge: the file is larger.
     """
     with open_regular(file) as stream:
@@ -66,10 +67,11 @@ def content_of(file: Path | str, largest: int = LARGEST_TEXT) -> bytes:
 
 @contextmanager
 def open_regular(file: Path | str) -> Iterator[BufferedReader]:
-    """Open a regular file for reading bytes, for files that are not read as a whole.
+    """Open a regular file for reading bytes, for files that are not read as a whole. It is closed after the body.
 
     Raises:
-        NotRead: there is no such file, it is no regular file, or no file can have its name.
+        NotRead: there is no such file, it is no regular file, no file can have its name, or the system refuses to open
+            it; also if the body raises an OSError, such as one of reading.
     """
     # A cache that makes a value from this file at the moment records its state.
     file_state(file)
@@ -173,8 +175,8 @@ def read_columns(file: Path, names: Sequence[str]) -> Columns:
         names: names of the k columns.
 
     Raises:
-        InvalidConfig: the file cannot be read, lacks a column or has it twice, or a row is longer than the first line
-            or contains something that is no finite number.
+        InvalidConfig: the file cannot be read, lacks one of the columns or has it twice; or a row has something in a
+            cell beyond the first line's, or no finite number in one of the columns.
     """
     rows = _rows(file)
     # The rows come from one iterator: taking the header leaves the rows of numbers.
@@ -268,7 +270,7 @@ def _rows(file: Path, *, has_names: bool = True) -> Iterator[_Row]:
     """Yield the rows of a table that are not empty, a line of names among them.
 
     Cells are separated by commas, or by semicolons, as spreadsheets write tables in languages with decimal commas. The
-    first line decides which. Decimal commas become points.
+    first line decides which. In a table with semicolons, decimal commas become points.
 
     Args:
         file: the file.

@@ -151,8 +151,8 @@ def check_folder(folder: Path, *, marker: str, force: bool) -> None:
         force: whether a former result in the folder may be replaced.
 
     Raises:
-        OutputError: the folder exists and may not be replaced, contains something else than a former result, or cannot
-            be made.
+        OutputError: the folder exists without `force`; or with it, and is neither empty nor has the marker; or it
+            cannot be made.
     """
     # os.path.exists is false for names that no folder can have. These are refused with their reason below.
     if os.path.exists(folder):
@@ -263,10 +263,10 @@ def written_at_once(file: Path, text: str) -> None:
 
 @contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
-    """Context manager that locks a folder against other processes that lock it, too.
+    """Context manager that locks a folder against all others that lock it by this function, in any process.
 
     Raises:
-        OutputError: another process has locked the folder, or there is no such folder.
+        OutputError: the folder is locked already, or there is no such folder.
     """
     with writing(folder):
         # The lock belongs to the open descriptor. If the process is killed, the system closes it and the lock is gone.
@@ -327,9 +327,12 @@ def _workshop(folder: Path, name: str) -> Iterator[Path]:
 
 
 def _delete_abandoned_workshops(folder: Path) -> None:
-    """Delete the workshops in a folder whose processes were killed. A process that ends releases its locks."""
+    """Delete the workshops in a folder whose processes were killed. A process that ends releases its locks.
+
+    A workshop that changed in the last minute stays, and one with a former result, which belongs to the user.
+    """
     for workshop in folder.glob(f".*{_WORKSHOP}"):
-        # An error means that the workshop is locked, or that another process has deleted it.
+        # An error means that the workshop is locked, is no folder, or was deleted by another process.
         with suppress(OSError):
             age = time.time() - workshop.stat().st_mtime
             has_former_result = (workshop / _BEFORE).exists()
@@ -360,7 +363,10 @@ def _swap_at_once(folder: Path, work: Path) -> bool:
 
 
 def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
-    """Replace a folder by another one in two steps. At any time one of them is complete.
+    """Replace a folder by another one in two steps.
+
+    Between the steps no folder has this name, and the former one is complete at another path. If the second step fails,
+    the former folder gets its name back.
 
     Args:
         folder: the folder that is replaced.
@@ -377,5 +383,5 @@ def _exchange(folder: Path, work: Path, *, aside: Path) -> None:
 
 
 def _nearest_parent(folder: Path) -> Path:
-    """Nearest folder above a folder that exists already: the workshop must be on the same disk."""
+    """Nearest existing folder above a folder, which need not exist: the workshop must be on the same disk."""
     return next(parent for parent in folder.absolute().parents if parent.exists())

@@ -99,7 +99,8 @@ def three_point_frame(x1: npt.ArrayLike, x2: npt.ArrayLike, y1: npt.ArrayLike) -
         y1: a point on the y axis, shape (3,) [m].
 
     Raises:
-        InvalidParameter: the points are on one line, or x2 is the origin of the frame.
+        InvalidParameter: a point is not three finite numbers, x1 and x2 are equal, the points are on one line, or x2 is
+            the origin of the frame.
     """
     first = point(x1, "x1")
     second = point(x2, "x2")
@@ -354,7 +355,8 @@ def pose_matrices(targets: Targets, name: str = "targets") -> Vector:
         name: name of the parameter, for the error.
 
     Raises:
-        InvalidParameter: they have another shape, numbers that are not finite, or a matrix that is no rigid motion.
+        InvalidParameter: there is no pose, the poses are not all of one form or have another shape, or they contain
+            numbers that are not finite or a matrix that is no rigid motion.
     """
     if isinstance(targets, RigidTransform):
         return np.array([targets.GetAsMatrix4()])

@@ -33,6 +33,9 @@ def line(start: npt.ArrayLike, end: npt.ArrayLike, part: npt.ArrayLike) -> Vecto
 
     Returns:
         the points, shape (k, 3) [m].
+
+    Raises:
+        InvalidParameter: a point is not three finite numbers.
     """
     first = point(start, "start")
     last = point(end, "end")
@@ -135,7 +138,7 @@ class Arc:
             name: name of the arc, for the error.
 
         Raises:
-            InvalidParameter: the points are collinear, or two of them are equal.
+            InvalidParameter: a point is not three finite numbers, the points are collinear, or two of them are equal.
         """
         p = point(start, "start")
         q = point(middle, "middle")

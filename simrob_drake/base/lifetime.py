@@ -111,7 +111,10 @@ class _Collector:
         self._not_before = 0.0
 
     def watch(self, diagram: Diagram) -> None:
-        """Count a diagram, and start a collection if there are several more than after the last collection."""
+        """Count a diagram, and start a collection if there are several more than after the last collection.
+
+        None is started soon after another one (see `_PAUSE`), or while the garbage collector is switched off.
+        """
         self._living.add(diagram)
         began = monotonic()
         if len(self._living) > self._bound and began >= self._not_before and gc.isenabled():

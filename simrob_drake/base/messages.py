@@ -444,7 +444,10 @@ def _catalogue_file(package: str, language: str) -> Path | None:
 
 @cache
 def _read_catalogue(file: Path | None) -> Mapping[str, str]:
-    """Read a file of templates once. Empty if the file is None, or cannot be read, which is a warning."""
+    """Read a file of templates once.
+
+    Returns an empty mapping if the file is None, and with a warning if it cannot be read or holds no mapping.
+    """
     if file is None:
         return {}
     try:

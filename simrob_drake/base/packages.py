@@ -74,8 +74,9 @@ _FOLDERS = 5000
 def package_root(source: Path) -> Path:
     """Find the folder of the package to which a file belongs, such as a URDF.
 
-    It is the nearest folder above the file with a ``package.xml``, or that is a repository. If there is none, it is the
-    folder of the file, or the one above it if the folder has a name that parts of packages usually have.
+    It is the nearest folder above the file with a ``package.xml``, or that is a repository, at most four levels above
+    the folder of the file. If there is none, it is the folder of the file, or the one above it if the folder has a name
+    that parts of packages usually have.
     """
     folder = source.parent
     for candidate in [folder, *folder.parents][: _LEVELS + 1]:
@@ -90,8 +91,8 @@ def package_root(source: Path) -> Path:
 def find_package(name: str, *, root: Path, mesh_path: Iterable[Path]) -> Path | None:
     """Find the folder of a package that another package may read.
 
-    It is looked for near this other package and in it, in the folders that the user allows, where ROS and Gazebo look,
-    and in the cache of ``robot_descriptions``, in this order.
+    It is looked for near this other package and in it (any folder in a repository, else models of Gazebo), in the
+    folders that the user allows, where ROS and Gazebo look, and in the cache of ``robot_descriptions``, in this order.
 
     Args:
         name: name of the package, as in ``package://name/...``.
@@ -170,7 +171,7 @@ def _is_package(folder: Path, name: str, *, workspace: Path) -> bool:
 
 
 def manifest_name(folder: Path) -> str:
-    """Name in the ``package.xml`` of a folder. Empty if the folder has no such file.
+    """Name in the ``package.xml`` of a folder. Empty if the folder has no such file, or the file no name.
 
     The file is searched as text: an XML parser would expand entities, which a hostile file can make arbitrarily long.
     """
@@ -185,7 +186,7 @@ def manifest_name(folder: Path) -> str:
 
 
 def _below(top: Path) -> Iterator[Path]:
-    """Yield a folder and the folders below it, level by level, so that the nearest come first."""
+    """Yield a folder and the next `_DEPTH` levels of folders below it, so that the nearest come first."""
     level = [top]
     count = 0
     for _ in range(_DEPTH + 1):
@@ -287,7 +288,7 @@ class Border:
         )
 
     def check(self, path: Path, key: str) -> None:
-        """Check that a path under a key of a station may be read. Files of this package always may.
+        """Check that a path under a key of a station may be read. Models of this package and its caches always may.
 
         Args:
             path: the path.
@@ -311,16 +312,17 @@ class Border:
 
 
 def package_path(uri: str, border: Border) -> Path:
-    """Find the file or folder that a URI ``package://NAME/path`` names.
+    """Find the file or folder that a URI ``package://NAME/path`` names, which need not exist.
+
+    The path may lead out of the package by ``..``: the caller checks the result with :meth:`Border.readable`.
 
     Args:
         uri: the URI.
         border: border of the file that has the URI.
 
     Raises:
-        OutsideBorder: there is no such package, or it may not be read.
+        OutsideBorder: there is no such package that may be read.
     """
-    # The path may have "..": the caller checks the result with Border.readable.
     name, _, path = uri.removeprefix(PACKAGE_URI).partition("/")
     folder = border.package(name)
     if folder is None:

@@ -187,10 +187,10 @@ def choose_seeds(
     Args:
         content: content of the station's file.
         seed: seed of the run.
-        changes: changes of the content, by dotted paths of keys. Seeds among them stay as they are.
+        changes: changes of the content, by dotted paths of keys. No seed is chosen for a key among them.
 
     Returns:
-        the seeds by the dotted paths of their keys.
+        the chosen seeds by the dotted paths of their keys.
     """
     fixed = seed_keys(changes)
     seeds = {}

@@ -98,7 +98,8 @@ def check_plain(name: str) -> None:
     """Check a name that becomes a part of the names of ports, columns and files.
 
     Raises:
-        ValueError: the name has other characters than letters, digits and underscores, or too many.
+        ValueError: the name is empty, begins with a digit, or has too many characters, or others than letters, digits
+            and underscores.
     """
     # Dots and colons separate the parts of the names of columns and ports.
     if not name.isidentifier() or len(name) > _LONGEST_PART:
@@ -217,8 +218,9 @@ def field_texts(model: type[Strict]) -> dict[str, str]:
 
 @lru_cache(maxsize=1024)
 def _texts_of(kind: type[Any]) -> Mapping[str, str]:
-    """Docstrings below the fields of one class, by the name of the field. Empty for other classes than sections.
+    """Docstrings below the fields of one class, by the name of the field.
 
+    Empty for other classes than sections, and for a class without a source, such as one that a function call has made.
     They are read from the source code. Pydantic could do that, too, but for all classes when they are made, which would
     take a third of the time of importing them.
     """

@@ -175,7 +175,8 @@ def parse_yaml(text: str, where: Path | str) -> Any:
         where: name of its file, for the error.
 
     Raises:
-        InvalidConfig: the text is not YAML, or has too many values or levels.
+        InvalidConfig: the text is not YAML, has a key that occurs twice, a value that cannot be made (such as one with
+            an unknown tag), or too many values or levels.
     """
     try:
         # A copy, since the value is kept for the next call, and callers may change theirs.
@@ -198,7 +199,8 @@ def parse_json(text: str, where: Path | str) -> Any:
         where: name of its file, for the error.
 
     Raises:
-        InvalidConfig: the text is not JSON, has a number that is not finite, or a key that occurs twice.
+        InvalidConfig: the text is not JSON, has a number that is not finite, a key that occurs twice, or too many
+            levels.
     """
     try:
         return json.loads(
@@ -253,7 +255,7 @@ def _mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _tag_problem(text: str) -> str:
-    """Describe the first tag of a YAML text that stations do not have. Empty if there is none."""
+    """Describe the first tag of a YAML text. Empty if there is none, or if the first one is a tag of YAML itself."""
     tokens = yaml.scan(text, Loader=yaml.CSafeLoader)
     tag = next((token for token in tokens if isinstance(token, yaml.TagToken)), None)
     if tag is None:

@@ -1,4 +1,4 @@
-"""Linear combinations of references: of polynomials and of sines exactly, of others by samples.
+"""Linear combinations of references: exact for polynomials and for sines, by samples if one is of another kind.
 
 A reference gives the desired positions of axes as a function of time: a trajectory of Drake, or a sine (its centre,
 amplitude, frequency and phase for each axis). A trajectory stands still before its start and after its end, and a
@@ -39,7 +39,8 @@ def combine_references(
     r"""Combine references linearly: the result is :math:`M q(t) + d`, where :math:`q` are the stacked positions.
 
     The combination of piecewise polynomials is a piecewise polynomial, and the combination of sines of one frequency is
-    a sine, both exact up to rounding. Other references are sampled at 1 kHz, and the samples are joined by cubics.
+    a sine, both exact up to rounding; references that rest may be among the sines. If there is no sine, and at least
+    one reference is of another kind, such as a spline, all of them are sampled, at 1 kHz, and cubics join the samples.
 
     Args:
         references: references with n positions in all.
@@ -79,7 +80,7 @@ def _combined_samples(
     ends = [time for reference in references for time in reference.span if np.isfinite(time)]
     start = min(ends)
     end = max(ends)
-    # At least one interval: all trajectories may begin and end at the same time.
+    # At least one interval, also for references that last less than a millisecond.
     interval_count = max(int((end - start) * _RATE), 1)
     times = np.linspace(start, end, interval_count + 1)
 
@@ -193,14 +194,15 @@ def _coefficients(
     start: float,
     inside: float,
 ) -> list[Vector]:
-    """Coefficients of the polynomials of one piece of a reference, as functions of the time since ``start``.
+    """Coefficients of a reference's polynomials around a time, as functions of the time since ``start``.
 
-    Before its first piece and after its last piece, a reference stands still.
+    They are those of the piece that contains the time ``inside``, or constants before the first piece and after the
+    last one, where a reference stands still.
 
     Args:
         reference: the reference.
         start: time from which the polynomials count [s].
-        inside: a time within the piece [s].
+        inside: the time, which is no break of the reference [s].
 
     Returns:
         coefficients for each position of the reference, in ascending powers.

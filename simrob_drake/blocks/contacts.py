@@ -372,7 +372,7 @@ def _shape_over_plane(inspector: SceneGraphInspector, pair: Pair) -> _ShapeOverP
 
 
 class DistanceSensor(Block):
-    """Measure the signed distance between two sets of shapes: the smallest distance of all pairs.
+    """Measure the signed distance between two sets of shapes: the smallest of all pairs of shapes that may collide.
 
     Ports:
         in  ``query``: the query object of the scene graph.
@@ -394,7 +394,8 @@ class DistanceSensor(Block):
             inspector: inspector of the scene graph that contains the shapes.
 
         Raises:
-            InvalidParameter: no pair can touch, since all shapes belong to one robot or to one body.
+            InvalidParameter: the collisions of all pairs are filtered out, as Drake does for shapes of one body, and a
+                station for those of one robot unless the user wants them.
         """
         super().__init__()
         pairs = list[Pair]()

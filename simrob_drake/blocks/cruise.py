@@ -75,8 +75,8 @@ class TimeLaw:
     def times_of(self, parts: Vector) -> Vector:
         """Find the times [s] at which the motion has covered parts of the path, shape (m,), each 0 to 1.
 
-        They are interpolated between samples of the pieces. The speed of the motion must be positive, so that each part
-        has one time.
+        They are interpolated between samples of the pieces. Between its two ends the motion must not rest or go back,
+        so that each part has one time.
         """
         # Sample times of each piece, and the distance at each of them.
         sample_times = [
@@ -234,7 +234,8 @@ def cruise_to(
 ) -> Trajectory:
     """Plan a straight motion of n axes that all start and arrive together, within limits.
 
-    The axis that needs most time for its distance reaches its speed or its acceleration; the other axes follow it.
+    At any time, all axes have covered the same part of their distances. The largest speed, acceleration and jerk of
+    this part each follow from the axis whose limit is lowest for its distance, which may be another axis for each.
 
     Args:
         start: positions at the start, shape (n,) [rad or m].
@@ -246,7 +247,7 @@ def cruise_to(
         start_time: time at which the motion starts [s].
 
     Returns:
-        the trajectory, shape (n, 1). It is a constant, at all times, if no axis has a distance to go.
+        the trajectory, shape (n, 1). It is a constant, at all times, if no axis has further to go than 1e-9.
 
     Raises:
         InvalidParameter: the limits are so low that the motion would last too long.

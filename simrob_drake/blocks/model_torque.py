@@ -80,8 +80,9 @@ def add_feedforward(
 ) -> list[OutputPort]:
     """Add the torques that robots of a finalized plant need for their reference motions.
 
-    A robot without a reference acceleration is taken to rest at each position: its torques only balance gravity. All
-    other joints of the plant stay at their default positions.
+    A robot without a reference velocity or acceleration is taken to rest at each position: its torques balance gravity,
+    and also springs of its joints if another robot has a reference acceleration. All other joints of the plant rest at
+    their default positions.
 
     Args:
         builder: builder of the diagram.
@@ -112,6 +113,7 @@ def add_feedforward(
             )
 
     state = _add_spread(builder, f"{name}.state", states, rest)
+    # It stays None if no robot has a reference acceleration.
     acceleration = None
     if accelerations:
         no_acceleration = np.zeros(plant.num_velocities())
@@ -156,11 +158,12 @@ def add_computed_torque(
     *,
     name: str,
 ) -> OutputPort:
-    r"""Add the computed torque of a robot, whose error then obeys :math:`\ddot e + k_d\,\dot e + k_p\,e = 0`.
+    r"""Add the computed torque of a robot.
 
     .. math:: \tau = M(q)\,(\ddot q_r + k_d\,(\dot q_r - v) + k_p\,(q_r - q)) + C(q, v)\,v + \tau_g(q) + \tau_{ff}
 
-    The torques are not saturated.
+    Without feedforward, and while no other forces act, the error then obeys
+    :math:`\ddot e + k_d\,\dot e + k_p\,e = 0`. The torques are not saturated.
 
     Args:
         builder: builder of the diagram.
@@ -215,14 +218,15 @@ def add_admittance(
     the integral of the torque that the model of the arm does not explain:
 
     .. math::
-        \tau = k_p (q_r - q) - k_d v + \tau_{ff} + x, \qquad \dot x = K_t\,(\mathrm{ID}(q, v) - \tau),
+        \tau = k_p (q_r - q) - k_d (v - v_r) + \tau_{ff} + x, \qquad \dot x = K_t\,(\mathrm{ID}(q, v) - \tau),
 
-    where ID is the inverse dynamics without acceleration and without external forces. At frequencies below
-    :math:`K_t`, the servo's stiffness fades and a damping :math:`k_p/K_t` is left: gravity stays balanced, and the arm
-    gives way when it is pushed. With :math:`K_t = 0` the servo acts alone.
+    where ID is the inverse dynamics without acceleration and without external forces; the reference velocity v_r and
+    the feedforward are 0 unless `signals` has them. At frequencies below :math:`K_t`, the servo's stiffness fades and a
+    damping :math:`k_p/K_t` is left: gravity stays balanced, and the arm gives way when it is pushed. With
+    :math:`K_t = 0` the servo acts alone.
 
-    The block computes :math:`\dot x = K_t\,(\mathrm{ID} - k_p (q_r - q) + k_d v - \tau_{ff}) - K_t\,x`. This is the
-    same as long as the servo is not saturated; if the servo saturates, x does not wind up.
+    The block computes :math:`\dot x = K_t\,(\mathrm{ID} - k_p (q_r - q) + k_d (v - v_r) - \tau_{ff}) - K_t\,x`. This is
+    the same as long as the servo is not saturated; if the servo saturates, x does not wind up.
 
     Args:
         builder: builder of the diagram.

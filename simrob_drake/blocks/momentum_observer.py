@@ -173,7 +173,7 @@ class MomentumObserver(Block):
         discrete.set_value(self._memory, new_memory)
 
     def estimate(self, context: Context) -> Vector:
-        """The estimate r, shape (n,) [N·m]. It is zero before the first sample."""
+        """The estimate r, shape (n,) [N·m]. It is zero until the second sample, as a rate needs two."""
         memory = context.get_discrete_state(self._memory).value()
         count = len(memory) // 3
         estimate = memory[:count]

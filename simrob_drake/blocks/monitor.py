@@ -1,6 +1,7 @@
 """Monitors, which end a run when a condition has lasted for a given time; blocks that set where steps end.
 
-A solver chooses its own steps. A monitor only looks at the ends of these steps, so it does not change the motion.
+A solver chooses its own steps. A monitor only looks at the start of a run and at the ends of these steps, so it does
+not change the motion. The start counts as the end of a step.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -139,7 +140,10 @@ class Monitor(Block):
         output.SetAtIndex(0, self._trigger.condition.excess(*self._values(context)))
 
     def _watch(self, context: Context) -> EventStatus:
-        """End the run if the condition has lasted long enough. Drake calls this at the end of each step."""
+        """End the run if the condition has lasted long enough.
+
+        Drake calls this when the simulator is initialized, and at the end of each step.
+        """
         if self._trigger.ends_run(self._present_onset(context), context.get_time()):
             return EventStatus.ReachedTermination(self, str(self.reason(context)))
         return EventStatus.DidNothing()

@@ -44,7 +44,7 @@ _CUBIC_ORDER = 4
 
 
 Samples = tuple[npt.ArrayLike, npt.ArrayLike]
-"""Times (m,) [s] and positions (m, n) [rad]."""
+"""Times (m,) [s] and positions (m, n) [rad or m]."""
 
 
 class ReferenceSignal(ABC):
@@ -417,7 +417,7 @@ class ReferenceSource:
     """A reference in a diagram.
 
     Attributes:
-        position: port of size n [rad].
+        position: port of size n [rad or m].
         velocity: port of size n [rad/s], or None if the derivative was not asked for.
         acceleration: port of size n [rad/s²], or None if the derivative was not asked for.
         player: the block that plays a trajectory, or None for a sine.
@@ -443,7 +443,7 @@ def smooth(part: Vector) -> Vector:
 
 
 def hold(position: npt.ArrayLike) -> Trajectory:
-    """Trajectory that stays at a position, shape (n,) [rad]."""
+    """Trajectory that stays at a position, shape (n,) [rad or m]."""
     return PiecewisePolynomial(np.asarray(position, dtype=float)[:, np.newaxis])
 
 
@@ -458,8 +458,8 @@ def ramp(
     """Trajectory at constant speed from a start to a target.
 
     Args:
-        start: positions at the start, shape (n,) [rad].
-        target: positions at the end, shape (n,) [rad].
+        start: positions at the start, shape (n,) [rad or m].
+        target: positions at the end, shape (n,) [rad or m].
         duration: duration of the motion [s], the blends included.
         start_time: time at which the motion starts [s].
         blend: time in which the speed grows evenly at the start, and falls at the end [s]. It must be less than half of
@@ -491,8 +491,8 @@ def move(
     """Trajectory from a start to a target, from rest to rest with continuous acceleration.
 
     Args:
-        start: positions at the start, shape (n,) [rad].
-        target: positions at the end, shape (n,) [rad].
+        start: positions at the start, shape (n,) [rad or m].
+        target: positions at the end, shape (n,) [rad or m].
         duration: duration of the motion [s].
         start_time: time at which the motion starts [s].
 
@@ -515,9 +515,9 @@ def sequence(
     Between two targets it follows the polynomial of :func:`smooth`.
 
     Args:
-        start: positions at the start, shape (n,) [rad].
+        start: positions at the start, shape (n,) [rad or m].
         times: times of arrival at the targets, one for each [s].
-        targets: the targets, shape (n,) each [rad].
+        targets: the targets, shape (n,) each [rad or m].
         start_time: time at which the motion starts [s].
 
     Raises:
@@ -547,11 +547,12 @@ def interpolate_samples(
 
     Args:
         times: shape (m,) [s].
-        positions: shape (m, n) [rad].
+        positions: shape (m, n) [rad or m].
         linear: whether straight lines join the samples. Only two samples are always joined by a straight line.
 
     Raises:
-        InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.
+        InvalidParameter: there are fewer than two samples, the times do not rise, values are not finite, or the shapes
+            do not fit.
     """
     breaks, samples = _check_samples(times, positions)
     # A spline with continuous second derivatives needs three samples.
@@ -571,11 +572,12 @@ def hermite(
 
     Args:
         times: shape (m,) [s].
-        positions: shape (m, n) [rad].
-        velocities: shape (m, n) [rad/s].
+        positions: shape (m, n) [rad or m].
+        velocities: shape (m, n) [rad/s or m/s].
 
     Raises:
-        InvalidParameter: there are fewer than two samples, the times do not rise, or values are not finite.
+        InvalidParameter: there are fewer than two samples, the times do not rise, values are not finite, or the shapes
+            do not fit the times.
     """
     breaks, samples = _check_samples(times, positions)
     _, rates = _check_samples(times, velocities)
@@ -599,8 +601,8 @@ class HermiteSamples(NamedTuple):
 
     Attributes:
         times: shape (m,) [s].
-        positions: shape (m, n) [rad].
-        velocities: shape (m, n) [rad/s].
+        positions: shape (m, n) [rad or m].
+        velocities: shape (m, n) [rad/s or m/s].
     """
 
     times: Vector
@@ -663,9 +665,11 @@ def _find_pieces(trajectory: Trajectory) -> _Pieces:
     """
     if isinstance(trajectory, BsplineTrajectory):
         knots, repetitions = np.unique(trajectory.basis().knots(), return_counts=True)
-        # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times.
-        is_smooth = (repetitions[1:-1] <= _CUBIC_ORDER - 2).all()
-        if trajectory.basis().order() <= _CUBIC_ORDER and is_smooth:
+        order = trajectory.basis().order()
+        # A spline of order k is k - 1 - r times continuously differentiable at a knot that occurs r times, and the
+        # velocity must be continuous.
+        is_smooth = (repetitions[1:-1] <= order - 2).all()
+        if order <= _CUBIC_ORDER and is_smooth:
             return _Pieces(breaks=knots, are_smooth_cubics=True)
     if isinstance(trajectory, CompositeTrajectory):
         # Its segments may be of any kind, so they are sampled between the breaks, too.
@@ -751,7 +755,10 @@ def later(reference: Reference, time: float) -> Reference:
 
 
 def _shift(trajectory: Trajectory, time: float) -> Trajectory:
-    """Return a trajectory that has at the time zero what the given one, which is not changed, has at `time` [s]."""
+    """Return a trajectory that has at the time zero what the given one, which is not changed, has at `time` [s].
+
+    A trajectory of a kind that is not known here is sampled.
+    """
     if isinstance(trajectory, PiecewisePolynomial):
         # `shiftRight` changes the trajectory itself, which others may use: a copy is shifted.
         shifted = trajectory.Clone()

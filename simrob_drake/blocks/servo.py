@@ -821,7 +821,7 @@ def _extra_torques(
         prefix: prefix of the names of the blocks.
 
     Returns:
-        the torques. Parts that are not wired, or have no gain, are left out.
+        the torques. Parts that are not wired are left out, and the integral part if no axis has an integral gain.
     """
     identity = np.eye(len(gains.kp))
     extra_torques = list[_ExtraTorque]()

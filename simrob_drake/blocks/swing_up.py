@@ -316,7 +316,8 @@ class SwingUp(SampledBlock):
             key: name of the posture, for errors.
 
         Raises:
-            InvalidParameter: not one axis is passive, or the motors cannot balance the robot upright.
+            InvalidParameter: no axis is passive, several are, or no axis is driven; the robot is not in equilibrium in
+                the posture `upright`, or its motors cannot balance it there.
         """
         count = len(upright)
         self._driven = torque_limit > 0

@@ -54,7 +54,7 @@ def run_guarded(command: Callable[[list[str]], int], arguments: list[str]) -> in
     """Run a command. An unexpected error is written to the error stream in one line.
 
     Returns:
-        exit code of the command.
+        exit code of the command; BAD_INPUT (2) after an unexpected error.
 
     Raises:
         SystemExit: the command itself ends the program.

@@ -140,6 +140,7 @@ class _Commands(_Group):
         super().__init__(**{**options, "commands": named})
 
     def get_params(self, ctx: Any) -> list[Any]:
+        """List the parameters of ``simrob`` itself, with the help of ``--version`` in the language of the output."""
         parameters = super().get_params(ctx)
         for parameter in parameters:
             if parameter.name == "show":  # the option --version, see `version`

@@ -155,8 +155,8 @@ def refuse(problem: str, /, **options: Any) -> None:
 
     Args:
         problem: why the options have no effect, such as "this is a robot".
-        options: value of each option, by the name of the command's parameter. An option whose value is None, false or
-            empty is not given.
+        options: value of each option, by the name of the command's parameter. An option whose value is None, 0, false
+            or empty counts as not given.
 
     Raises:
         Unsuitable: an option is given; the message names the first one.

@@ -149,7 +149,7 @@ def _check_program_file(
         message("cli.program_without_code", "this is a program, which names no code"),
         allow_code=allow_code,
     )
-    # The station of the program may have changes, so --set is the one option with an effect here.
+    # The station of the program may have changes, so --set has an effect here.
     program, config = program_from(file, settings)
     # A wrong move is an error of `check_program`, so the table has this one row only.
     console.print(findings_table([check_program(program, config, file)]))
@@ -160,9 +160,9 @@ def _check_robot_file(file: str, options: ImportOptions | None) -> None:
 
     Args:
         file: a file of another tool, such as a URDF, or a description of a robot in YAML.
-        options: options of the import. None if none is given. A description is read without an import, so it has none.
+        options: options of the import. None if none is given. A description takes none: it is read as it is, and its
+            URDF is only imported, without options, if Drake cannot read it.
     """
-    # The file of another tool is imported, a description in YAML was imported before.
     if is_robot_file(file):
         examine_file(Path(file), options)
         return

@@ -1,8 +1,9 @@
 """Importers of extensions on the command line: their options, and what is shown of their results.
 
 An *importer* is a class of an extension that makes files of this toolbox from the file of another tool, such as a
-Simulink model. The suffix of the file decides which importer is used. An importer has up to two dataclasses of options:
-one for an import (`options_class`), and one for only reading the file, as `simrob check` does (`reading_class`).
+Simulink model. The suffix of the file decides which importer is used, or for XML and YAML files their content. An
+importer has up to two dataclasses of options: one for an import (`options_class`), and one for only reading the file,
+as `simrob check` does (`reading_class`).
 
 Parts of a file that have no counterpart here, and without which the result behaves differently, are *losses*.
 """
@@ -38,9 +39,10 @@ _ClassAttribute = Literal["options_class", "reading_class"]
 def with_importer_options(
     attribute: _ClassAttribute,
 ) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
-    """Make a decorator that gives a command the options of all importers, which it takes as ``importer_options``.
+    """Make a decorator that gives a command the options of importers, which it takes as ``importer_options``.
 
-    Importers that cannot be used are left out, so that their options are unknown. Their use raises the reason.
+    These are the importers of class `FileImporter`. Those that cannot be used are left out, so that their options are
+    unknown. Their use raises the reason.
 
     Args:
         attribute: attribute of the importers with the dataclass of the options.

@@ -222,7 +222,8 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
         robot: name of the robot. None if the station has only one.
 
     Raises:
-        SimrobError: the station has several robots and none is named, or the robot has no acts.
+        SimrobError: the station or a change is wrong, the station has no such robot, or has several and none is named,
+            or the robot has no acts.
     """
     # Few commands need programs, which load scipy.
     from simrob_drake.programs.arm import Workcell
@@ -244,7 +245,9 @@ def _list_acts(station: str, settings: list[str] | None, robot: str | None) -> E
 
 
 def _steps_taken(legged_robot: "LeggedRobot", move: "Move") -> str:
-    """Sentence about the count of steps of a walk that begins and ends with shorter steps. Empty for any other move.
+    """Sentence about the count of steps of a walk that begins and ends with shorter steps.
+
+    It is empty for any other move, and for a gait without shorter steps, such as a crawl.
 
     Args:
         legged_robot: the robot.
@@ -261,13 +264,12 @@ def _steps_taken(legged_robot: "LeggedRobot", move: "Move") -> str:
     name = move.gait
     if name is None:
         name = first_gait(legged_robot.model, legged_robot.worn_feet, gaits)
-    # Only gaits with full steps of one length begin and end with shorter ones.
+    # Gaits without full steps of one length, such as a crawl, have no such key.
     ramp_steps = getattr(gaits[name], "ramp_steps", 0)
-    # The shorter steps at both ends are extra steps: without a remark, a user who asks for 6 steps would count 8.
-    taken = len(ramp_shares(steps, ramp_steps))
-    # The walk has no shorter steps, so the count is the one that the user asked for.
-    if taken <= steps:
+    if not ramp_steps:
         return ""
+    # The shorter steps are extra steps: without a remark, a user who asks for 6 steps would count 10.
+    taken = len(ramp_shares(steps, ramp_steps))
     return message(
         "cli.steps_taken",
         "it took {taken} steps for the distance of {steps} full {steps:step|steps}: the "

@@ -1,4 +1,4 @@
-"""The command that lists the stations, robots and pieces of the package.
+"""The command that lists the stations, robots and pieces of the package and of its extensions.
 
 It only reads the names and descriptions in their files. No robot is loaded, which would take long.
 """

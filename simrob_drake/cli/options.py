@@ -451,7 +451,7 @@ def with_mesh_path(command: Callable[..., Any]) -> Callable[..., Any]:
 def with_import_options(*names: str) -> Decorator:
     """Make a decorator that gives a command options for an import, and their helps.
 
-    The command takes them together as its parameter ``options``, which is None if no option is given.
+    The command takes them together as its parameter ``options``, which is None if all have their default values.
 
     Args:
         *names: names of the options, fields of :class:`ImportOptions`. Without names, the command has all of them.

@@ -44,14 +44,18 @@ def read_descriptions(file: Path) -> OtherFiles:
 
 
 def refuse_other(text: str) -> None:
-    """Check that an argument for a station is not a file or folder of another kind.
+    """Check that an argument for a station is not a file or folder that is known to be something else.
 
     Args:
-        text: argument of a command. If there is no such file or folder, it passes: it may be the name of a station.
+        text: argument of a command. If there is no such file or folder, it passes: it may be the name of a station. A
+            folder, a YAML file and the file of a robot pass, too, if they have no description: they are reported when
+            the station is loaded.
 
     Raises:
-        InvalidConfig: the file or folder is no station. The message says what it is, and which command takes it.
-        InvalidConfig: the file is a YAML file that cannot be read.
+        InvalidConfig: there is a description of the file or folder. The message says what it is, and which command
+            takes it.
+        InvalidConfig: the file has no description, and is neither a YAML file nor the file of a robot; or it is a YAML
+            file that cannot be read.
     """
     file = Path(text)
     if not isdir(file) and not isfile(file):

@@ -70,7 +70,7 @@ def run_program(
         """Return the function that does the program in a workcell. Nothing is checked before: `perform` does that."""
 
         def do_program() -> tuple[SimulationResult, str]:
-            """Do the program. Returns the run, and a sentence about how far a legged robot moved."""
+            """Do the program. Returns the run, and a sentence about how far a legged robot moved; empty for arms."""
             result = perform(cell, program, file)
             # The base of an arm is fixed, so there is nothing to say about how far it moved.
             remark = ""
@@ -129,6 +129,7 @@ def program_from(file: str, settings: list[str] | None) -> tuple[Program, Statio
 
     Raises:
         InvalidConfig: the program is damaged, or names no station.
+        SimrobError: the station or a change is wrong.
     """
     from simrob_drake.programs.program import Program
 
@@ -377,7 +378,7 @@ def _read_program(
         config = station_from(options.on, settings)
         robot = options.robot
     else:
-        # The robot is one of the package's, alone on a station made for it.
+        # The robot is named or given by its file, and alone on a station made for it.
         config = bare_station(str(options.robot), changes_of(settings, "--set"))
         robot = None
     # The options of the command line become those of an importer, which is code of an extension.

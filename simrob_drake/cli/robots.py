@@ -297,23 +297,24 @@ def _grant_robot_folders(station: Path, sources: Iterable[Path]) -> str:
 
 
 def _packages_outside(station: Path, sources: Iterable[Path]) -> list[Path]:
-    """Find the folders of the packages, other than the station's own one, from which a station reads.
+    """Find the folders outside of the station's own package from which a station reads.
 
     Args:
         station: file of the station.
-        sources: files and folders that the station reads.
+        sources: files and folders that the station reads, the robot's file first.
 
     Returns:
-        folder of each package, without repetition.
+        the package of each file, and each folder itself, without those that are within an earlier one.
     """
     own_package = package_root(resolve_path(station))
     folders = list[Path]()
     for source in map(resolve_path, sources):
-        # A file in the station's own package may be read without a grant.
-        if not source.is_relative_to(own_package):
-            folders.append(package_root(source))
-    # Meshes and robot are often in one package. A dict keeps the order and drops repeated folders.
-    return list(dict.fromkeys(folders))
+        # Files in the station's own package may be read without a grant. Meshes are often in the robot's package.
+        if any(source.is_relative_to(folder) for folder in (own_package, *folders)):
+            continue
+        # The user has named the folder, and nothing around it.
+        folders.append(source if source.is_dir() else package_root(source))
+    return folders
 
 
 def _show_report(imported: ImportedRobot) -> None:

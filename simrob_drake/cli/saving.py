@@ -139,7 +139,8 @@ def locomotion_sentence(result: SimulationResult, robot: str) -> str:
 
     Args:
         result: the run.
-        robot: name of the robot. The sentence is empty if it has no legs, or if the run diverged.
+        robot: name of the robot. The sentence is empty unless torques move the robot, and it has feet and a base that
+            moves freely. It is also empty if the run diverged.
     """
     # The last positions of a diverged run are no motion of a robot.
     if result.ending == "diverged" or robot not in legged_robots(result):
@@ -193,6 +194,7 @@ def save_and_show(
 
     Raises:
         Interrupted: the user interrupted twice; nothing was saved.
+        SimrobError: the result cannot be saved.
     """
     folder = prepared.path
     save_options: Saved = {**saving.save_options, "frames": frames}
@@ -240,7 +242,10 @@ def _show_files(result: SimulationResult, folder: Path, *, with_recording: bool)
 
 
 def _show_end(result: SimulationResult) -> None:
-    """Show tables of where the joints and pieces ended, of the cells that were reached, and of the moves."""
+    """Show tables of where the joints ended (in a station without robots, the free pieces), of cells, and of moves.
+
+    The table of cells is shown if the station has a sequencer, that of moves if the verdict judges single moves.
+    """
     console.print(table(*table_of(result)))
     if result.cells:
         console.print(cells_table(result))

@@ -116,7 +116,7 @@ def run(
     """
     # The value is read first: a wrong one should not be found only after a long run.
     film_frames = _read_frames(frames)
-    # Options without an effect on this kind of file are refused, before the file is read.
+    # Options without an effect on this kind of file are refused, before anything is loaded from the file.
     is_in_language = is_language_file(station)
     is_program = not is_in_language and is_program_file(station)
     # These options would have no effect on a station or on a program in YAML.

@@ -68,7 +68,7 @@ def criteria_table(verdict: Verdict) -> Table:
 
 
 def cells_table(result: SimulationResult) -> Table:
-    """Make the table of the times [s] at which the robots reached the cells of their sequencers.
+    """Make the table of the times [s], since the start of each sequencer, at which the robots reached its cells.
 
     A *sequencer* is a controller that leads a robot from one posture (a *cell*) to the next. A cell that was not
     reached has a dash in place of its time.
@@ -90,8 +90,8 @@ def cells_table(result: SimulationResult) -> Table:
 def convergence_table(result: SimulationResult, tight: SimulationResult) -> Table:
     """Make the table of the largest differences between a run and a tighter one, over their common time.
 
-    It lists the position and the torque at the end of each joint, and the position and orientation of each free base
-    and piece.
+    It lists for each joint the largest difference of the position, and the difference of the torque at the end; and for
+    each free base and piece the largest differences of position and orientation.
     """
     rows = [*_rows_of_joints(result, tight), *_rows_of_bodies(result, tight)]
     headings = (
@@ -108,7 +108,11 @@ def convergence_table(result: SimulationResult, tight: SimulationResult) -> Tabl
 
 
 def _rows_of_joints(result: SimulationResult, tight: SimulationResult) -> list[tuple[str, ...]]:
-    """Rows of the table of differences for the joints: name, largest difference, its time, torque at the end, unit."""
+    """Rows of the table of differences for the joints.
+
+    The cells are the joint's name, the largest difference of its position, the time of that, the difference of its
+    torque at the end of the runs' common time, and the unit of the torque.
+    """
     # One of the runs may have ended early. Both are recorded at the same times, so samples are compared by index.
     sample_count = min(len(result.times), len(tight.times))
     last = sample_count - 1

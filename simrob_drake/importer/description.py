@@ -69,7 +69,9 @@ def draft(
 def _draft_home(
     robot: RobotModel, notes: Notes, report: ImportReport, semantics: Semantics
 ) -> dict[str, float]:
-    """Home posture of an imported robot, in the user's units, by axis. It is empty if all axes are at 0.
+    """Home posture of an imported robot, in the user's units, by axis.
+
+    It is empty if all axes are at 0. It is also empty if only the SRDF has a home posture, which is added later.
 
     Args:
         robot: the robot of the imported URDF.
@@ -129,7 +131,8 @@ def _draft_gains(
 ) -> dict[str, dict[str, float]]:
     """Servo gains of an imported robot: ``kp`` and ``kd``, each by axis.
 
-    Gains of the source's actuators are taken over. The other axes get first gains.
+    Gains of the source's actuators are taken over. Where the source has no kp, or no kd, of an axis, the axis gets this
+    gain of its first gains.
 
     Args:
         robot: the robot of the imported URDF. Each of its moving links has an inertia.

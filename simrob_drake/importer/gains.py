@@ -70,10 +70,10 @@ def first_gains(robot: RobotModel) -> FirstGains:
     kp / m, the modes of the robot would be the eigenvectors of diag(m)^-½ M diag(m)^-½. The mode of the largest
     eigenvalue λ is damped least, and this kd damps it critically.
 
-    Gains of passive axes are 0. Two cases need more than the masses:
+    The gains are rounded to two significant digits. Those of passive axes are 0. Two cases need more than the masses:
 
-    - A robot that is not fixed stands on some of its joints, and each of them may carry the whole mass, at half of the
-      robot's height.
+    - A robot whose base floats stands on some of its joints, and each of them may carry the whole mass, at half of the
+      robot's largest extent in its home posture.
     - Motors of fingers give their largest effort a tenth of the travel before the closed position. Those of the
       revolute axes of an arm with fingers, which will carry more than its own masses, give it at an error of 30 deg.
 
@@ -109,8 +109,8 @@ class _Load:
         inertias: inertia that each axis moves if all other axes are at rest [kg m² or kg], positive.
         torques: torque or force of gravity at each axis [N·m or N].
         dampings: viscous damping of the joints themselves [N·m·s/rad or N·s/m].
-        coupling: largest eigenvalue of the mass matrix that is scaled by the inertias [1]. It is 1 if no axis moves
-            another one.
+        coupling: largest eigenvalue of the mass matrix that is scaled by the inertias, at least 1 [1]. It is 1 if no
+            axis moves another one.
     """
 
     inertias: Vector
@@ -147,11 +147,12 @@ def _find_load(robot: RobotModel) -> _Load:
 
     if robot.base == "floating":
         # The mass matrix of a floating robot has the masses beyond each joint only: those of a leg that swings. A
-        # leg that stands carries the rest of the robot, as an inverted pendulum of half its height.
+        # leg that stands carries the rest of the robot, as an inverted pendulum of half its height, for which the
+        # largest extent along x, y or z is taken.
         mass = plant.CalcTotalMass(context)
-        half_height = lone.size / 2
-        inertias = np.maximum(inertias, mass * half_height**2)
-        torques = np.maximum(torques, mass * STANDARD_GRAVITY * half_height)
+        half_size = lone.size / 2
+        inertias = np.maximum(inertias, mass * half_size**2)
+        torques = np.maximum(torques, mass * STANDARD_GRAVITY * half_size)
 
     scale = np.sqrt(np.outer(inertias, inertias))
     # Eigenvalues of a symmetric matrix come in ascending order.

@@ -234,10 +234,11 @@ def find_importer(file: Path | str) -> Importer | None:
 
     The suffix of the file decides, the outermost element of an XML file, or a list under a certain key of a YAML file.
 
-    Returns None if the core itself reads the file, or if nothing reads such files.
+    Returns None if the core itself reads the file, if nothing reads such files, or if the element or the key of an XML
+    or YAML file is needed and the file cannot be read.
 
     Args:
-        file: path of the file, which need not exist.
+        file: path of the file. It need not exist if its suffix decides.
 
     Raises:
         BrokenExtension: the importer cannot be used.
@@ -269,7 +270,7 @@ def _announced_list(path: Path) -> str:
 
 
 def load_importer(key: str, file: Path | None = None) -> Importer | None:
-    """Load the importer that an extension announces by a suffix or an element.
+    """Load the importer that an extension announces by a suffix, an element or a key.
 
     Returns None if no extension announces one, or if the core itself reads such files.
 
@@ -303,7 +304,8 @@ def load_importer(key: str, file: Path | None = None) -> Importer | None:
 def outermost_element(path: Path) -> str:
     """Read the name of the outermost element of an XML file.
 
-    The name is empty if the file cannot be read, or if no element begins within the first 64 KiB.
+    The name is empty if the file cannot be read, or if no element begins within the first 64 KiB, or before the first
+    fault of the XML.
     """
     try:
         with open_regular(path) as file:

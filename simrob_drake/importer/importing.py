@@ -97,7 +97,11 @@ def import_robot(
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired. Nothing is written.
-        OutputError: the folder cannot be written, exists, or overlaps the source.
+        InvalidParameter: the source or the folder is no path.
+        UnknownName: ``robot_descriptions`` has no robot of the source's name, or the options name a joint, a link or a
+            model that the robot does not have. Nothing is written.
+        OutputError: the folder cannot be written or overlaps the source, or it exists and is not a former import that
+            `force` allows to replace.
     """
     source = robot_file(source, "source")
     folder = as_path(folder, "folder")
@@ -119,6 +123,8 @@ def examine_robot(source: Path | str, options: ImportOptions | None = None) -> I
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired.
+        InvalidParameter: the source is no path.
+        UnknownName: see :func:`import_robot`.
     """
     with tempfile.TemporaryDirectory(prefix="simrob-") as work:
         # No check for an overlap: the source may be in the folder that contains all temporary folders.
@@ -142,6 +148,7 @@ def write_robot(
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired.
+        UnknownName: the options name a joint, a link or a model that the robot does not have.
     """
     robot = _read_and_repair(source, work, options, report)
     # A robot.yaml of the source names the axes of the arm alone. With a hand, it does not describe the result.
@@ -192,7 +199,8 @@ def _write_urdf(robot: ET.Element, file: Path) -> None:
 def _add_grasp_frame(robot: ET.Element, file: Path, report: ImportReport) -> None:
     """Add the frame in which the fingers of a robot grasp, in place, and write the robot's file again.
 
-    A robot without fingers, or with a link or frame of that name already, stays as it is.
+    A robot stays as it is if it has no fingers, if no two of its fingers have shapes that close on each other, or if it
+    has a link or frame of that name already.
 
     Args:
         robot: the robot.
@@ -233,6 +241,7 @@ def _read_and_repair(
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired.
+        UnknownName: the options name a joint, a link or a model that the robot does not have.
     """
     robot = read_source(source, report, options)
     # The order matters: each repair relies on those before. Links and joints must form a tree before joints can be
@@ -249,7 +258,8 @@ def _read_and_repair(
 def default_folder(source: Path) -> Path:
     """Folder for an import whose user names none: in the working folder, with the name of the source.
 
-    If the working folder is within the source's package, it is next to that package instead.
+    If the working folder is within the ROS package of the source (within the source's own folder if the source is in no
+    package), it is next to that folder instead.
     """
     folder = Path(f"{source.stem}_imported")
     root = _source_root(source)
@@ -334,7 +344,8 @@ def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> R
     """Load the robot of any file. A clean URDF is read where it is, other files are imported once, into the cache.
 
     A clean URDF is imported, too, if it needs more than a URDF can state: if it has fingers or an SRDF and no
-    ``robot.yaml``, or if the options demand a change.
+    ``robot.yaml``. It is also imported if any option differs from its default, but those that only allow to read
+    further folders.
 
     Args:
         path: the file, see :func:`import_robot`.
@@ -342,6 +353,8 @@ def robot_from_file(path: Path | str, options: ImportOptions | None = None) -> R
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired.
+        InvalidParameter: the path is no path.
+        UnknownName: see :func:`import_robot`.
         OutputError: the cache cannot be written.
     """
     path = robot_file(path, "path")
@@ -381,6 +394,7 @@ def _import_once(source: Path, options: ImportOptions) -> RobotModel:
 
     Raises:
         InvalidModel: the robot has a defect that cannot be repaired.
+        UnknownName: the options name a joint, a link or a model that the robot does not have.
         OutputError: the cache cannot be written.
     """
     folder = cache_entry("robots", made_of=_dependencies(source, options), made_by=_CODE)
@@ -398,11 +412,11 @@ def _import_once(source: Path, options: ImportOptions) -> RobotModel:
 
 
 def _dependencies(source: Path, options: ImportOptions) -> Iterator[bytes]:
-    """Yield the contents on which the result of an import depends, apart from the code of this package.
+    """Yield the contents on which the result of an import depends, or digests of them, apart from the program's code.
 
     The name of the source is not among them, so that equal files of different names share one entry of the cache. A
     robot without a name, which is named after its file, then has the name of the file that was imported first. Files
-    that do not exist are left out.
+    that do not exist, and meshes that may not be read, are left out.
     """
     yield options.model_dump_json().encode()
     semantic = options.srdf or srdf_of(source)

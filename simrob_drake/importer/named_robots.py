@@ -17,8 +17,8 @@ def read_robot(robot: str | Path, options: ImportOptions | None = None) -> Robot
     Stations, the commands and Python functions read robots by this function, so that all of them accept the same files.
 
     Args:
-        robot: a name of ``simrob list``, the path of a YAML file that describes a robot, or the path of a URDF or
-            another file that is imported.
+        robot: a name of ``simrob list``, the path of a YAML file that describes a robot, the path of a URDF or
+            another file that is imported, or the name of a robot of ``robot_descriptions``.
         options: options of the import. Robots of YAML files and of the package have none.
 
     Raises:

@@ -61,7 +61,10 @@ def probe(file: Path, report: ImportReport) -> None:
 
 
 def _drake_error(file: Path) -> str | None:
-    """Return the error of Drake for a robot, or None if Drake can build it."""
+    """Return the reason why a robot cannot be built, or None if Drake can build it.
+
+    The reason is an error of Drake or of the reader of robots, or that the process ends or takes too long.
+    """
     # With -P, modules in the user's folder do not take the place of others.
     command = [sys.executable, "-P", "-m", "simrob_drake.importer.probe", str(file)]
     try:
@@ -101,7 +104,7 @@ def _culprit(file: Path) -> str:
     # If Drake cannot build the robot without all suspects either, the cause is somewhere else.
     if not suspects or not _can_build_without(file, robot, suspects):
         return ""
-    # Halving: a robot of a thousand elements needs twenty builds at most.
+    # Halving: a robot of a thousand elements needs about twenty builds at most.
     while len(suspects) > 1:
         middle = len(suspects) // 2
         first_half = suspects[:middle]
@@ -111,7 +114,7 @@ def _culprit(file: Path) -> str:
         elif _can_build_without(file, robot, second_half):
             suspects = second_half
         else:
-            # There are two causes, one in each half.
+            # Each half has a cause.
             return ""
     owner = robot[suspects[0].owner]
     part = owner[suspects[0].part]

@@ -67,7 +67,8 @@ NOTHING = Semantics({}, frozenset(), (), frozenset())
 def srdf_of(source: Path) -> Path | None:
     """Find the SRDF of a robot's file, or return None if there is none.
 
-    It has the name of the robot's file, and lies next to it, or in a folder ``srdf`` or ``config`` next to its folder.
+    It has the name of the robot's file up to the first dot, and lies next to it, or in a folder ``srdf`` or ``config``
+    next to its folder.
     """
     # Also "arm.srdf" for "arm.urdf.xacro".
     stem = source.name.partition(".")[0]
@@ -152,6 +153,9 @@ def read_semantics(
 def _read_states(tree: ET.Element, joints: Container[str], report: ImportReport) -> States:
     """Read the states of an SRDF. Positions of unknown joints are left out, with an entry in the report.
 
+    A value that is not one number, such as that of a joint with several degrees of freedom, is left out without an
+    entry. So is a state of which no position is left.
+
     Args:
         tree: the SRDF.
         joints: names of the robot's joints.
@@ -217,7 +221,7 @@ def _joints_of_group(
 
 
 def _joints_of_chain(chain: ET.Element, joint_above: Mapping[str, ET.Element]) -> set[str]:
-    """Find the names of the joints from the tip of a chain to its base.
+    """Find the names of the joints from the tip of a chain to its base, or to the root if the base is not on the way.
 
     Args:
         chain: element with the names of the tip link and the base link.

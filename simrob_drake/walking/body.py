@@ -364,10 +364,12 @@ class Body:
             trunk: desired rotation of the root from upright and looking along x, shape (3, 3).
             feet: desired poses of the soles' frames, shape (feet, 3, 4) [1, m]: positions from the root, in the level
                 axes from which `trunk` is the rotation.
-            rounds: count of Newton steps. One is enough if the desired poses have only moved on by one sample.
+            rounds: count of Newton steps. One is enough if the desired poses have only moved on by one sample. With
+            more than one, the posture before the last step is the one that is set afterwards.
 
         Returns:
-            The posture, shape (n,) [rad]. Axes that are in no leg stay.
+            The posture, shape (n,) [rad], within the limits of all axes, which are narrowed for the knees. Axes that
+            are in no leg stay, unless they are beyond their limits.
         """
         plant = self._plant
         root = plant.get_frame(self._root)
@@ -454,7 +456,7 @@ def _check_legs(feet: Sequence[Frame], legs: Sequence[Sequence[int]]) -> None:
         legs: indices of the axes of each foot's leg.
 
     Raises:
-        InvalidParameter: a leg has another count of joints.
+        InvalidParameter: a leg has fewer than three joints or more than seven, or not as many as the first leg.
     """
     for frame, leg in zip(feet, legs, strict=True):
         if len(leg) not in _CONTROLLED or len(leg) != len(legs[0]):
@@ -518,7 +520,8 @@ class StanceFeet:
         """
         homes = list[complex]()
         for x, y, _ in body.homes:
-            to_side = math.copysign(parameters.widen, y)  # to the foot's own side
+            # To the foot's own side; a negative `widen` brings the feet nearer to each other.
+            to_side = math.copysign(1.0, y) * parameters.widen
             homes.append(complex(x, y) + 1j * to_side)
         middles = [sum(homes[foot] for foot in group) / len(group) for group in groups]
 

@@ -309,7 +309,8 @@ class Follower:
         length = self.path.length
         soon = self.path.at(min(progress + _LOOK_AHEAD * self._speed, length))
 
-        # Slow down towards the end, and in bends that ask for more turning speed than the legs have.
+        # Slow down towards the end, and in bends that ask for more than a part (`_CURVE_PART`) of the largest turning
+        # speed: the rest of it is kept for corrections of the heading.
         remaining = length - progress
         speed = min(self._speed, _BRAKING_GAIN * remaining + _LEAST_SPEED)
         curvature = max(abs(spot.curvature), abs(soon.curvature))

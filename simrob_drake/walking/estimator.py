@@ -102,7 +102,8 @@ class Estimator:
         Args:
             stride: state of the walk.
             state: measured motion of the robot in the world.
-            forces: vertical force on each foot [N], or None if the forces are not measured.
+            forces: vertical force on each foot [N], or None if the forces are not measured. The force of a foot that
+                :meth:`feet_to_measure` leaves out may have any value: what it says about contact is not used then.
         """
         standing = stride.step.sides[0]
         stance_feet = [state.feet[foot] for foot in self._stance.groups[standing]]

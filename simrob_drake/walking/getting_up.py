@@ -55,7 +55,7 @@ def load_getting_up(model: RobotModel) -> GettingUp:
 
     Raises:
         InvalidParameter: the robot has no file ``gaits.yaml``.
-        Unsuitable: the file has no section for it.
+        Unsuitable: the file has no section ``get_up``, or an empty one.
         InvalidConfig: the file cannot be read, or the section has an invalid entry.
     """
     gaits = gaits_file(model)
@@ -86,7 +86,8 @@ def postures(model: RobotModel, way: Sequence[RisingPosture]) -> list[Vector]:
 
     Raises:
         UnknownName: a posture names neither an axis nor a pair of axes of the robot.
-        InvalidParameter: an angle is beyond the limits of its axis.
+        InvalidParameter: an angle is beyond the limits of its axis, also if it is the 0 of an axis that no posture has
+            named so far.
     """
     sequence: list[Vector] = []
     angles = np.zeros(len(model.axes))

@@ -82,8 +82,8 @@ def knee_of(
         tip: point of the foot that stands on the ground, in the frame of the foot, shape (3,) [m].
 
     Returns:
-        The knee. Its `fold` is measured from the hip to the tip of the foot, its `straight` between the joints above
-        and below it.
+        The knee. Its `fold` is measured from the hip to the tip of the foot, its `straight` between the nearest joints
+        above and below it that are parallel to it, or from the hip, or to the tip, if there is no such joint.
     """
 
     def origin(joint: RevoluteJoint) -> Vector:
@@ -148,8 +148,8 @@ def _find_fold(
         squares.append(float(np.square(vector()).sum()))
     joint.set_angle(context, before)  # the caller's context is the same afterwards
 
-    # The first Fourier coefficient of a + b cos(q - q0) is b exp(i q0), and its mean is a.
-    # Its square varies between a - b and a + b: the part is 2 b / (a + b).
+    # The square of the length is a + b cos(q - q0). The first Fourier coefficient of this function is b exp(i q0), and
+    # its mean is a. The square varies between a - b and a + b, so the part is 2 b / (a + b).
     coefficient = 2.0 / 3.0 * np.exp(1j * _ANGLES) @ squares
     longest_at = float(np.angle(coefficient))
     largest = np.mean(squares) + abs(coefficient)

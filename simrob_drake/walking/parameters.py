@@ -244,7 +244,7 @@ def load_walking(model: RobotModel, changes: Mapping[str, Any] | None = None) ->
 
     Raises:
         InvalidParameter: the robot has no file ``gaits.yaml``.
-        Unsuitable: the file has no such section.
+        Unsuitable: the file has no such section, or an empty one.
         InvalidConfig: the file cannot be read, or a parameter is invalid.
     """
     gaits = gaits_file(model)

@@ -199,8 +199,8 @@ class WalkPlanner:
     def _follow_estimate(self, stride: Stride, estimate: Estimate, xi: complex) -> Stride:
         """Move the references towards the estimate, and learn the errors that last.
 
-        It does so during the steps of a walk. While the robot stands, and in the longer weight transfer of the first
-        step, only the slope of the ground is learnt; while it is braced, nothing is.
+        It does so during the steps of a walk. While the robot stands, and in the weight transfer of a first step if
+        that is longer than usual, only the slope of the ground is learnt; while it is braced, nothing is.
 
         Args:
             stride: references of this sample.
@@ -215,7 +215,7 @@ class WalkPlanner:
         if step.brace_time > 0:
             return stride  # a braced robot may stand on the edges of its soles, which do not show the slope then
         slope_error = estimate.slope - stride.ground.slope
-        # Only the first step of a walk has a longer weight transfer than the others.
+        # Only the first step of a walk may have a longer weight transfer than the others.
         is_first_transfer = step.transfer > self.steps.transfer and step.time < step.transfer
         if not step.active or is_first_transfer:
             # A robot that stands still with both feet on the ground is held by them: only the slope is learnt.
@@ -261,7 +261,8 @@ class WalkPlanner:
 
         Args:
             stride: references of this sample.
-            estimate: what the sensors measure.
+            estimate: what the sensors measure, but for the offset that is already learnt, which `sample` has
+                subtracted: what is left of the error is added to the offset by a small part.
             rate: factor of the rates of learning [1].
         """
         feedback = self._feedback
@@ -285,7 +286,7 @@ class WalkPlanner:
     ) -> tuple[Stride, complex]:
         """Decide where and when the step lands, and where the divergent component shall be now.
 
-        It also begins the first step of a walk, and stops a walk that has to brace.
+        It also begins the first step of a walk, turns back to the desired heading, and stops a walk that has to brace.
 
         Args:
             stride: state of the walk.
@@ -294,7 +295,8 @@ class WalkPlanner:
             estimate: what the sensors measure, or None to walk without feedback.
 
         Returns:
-            The stride with its landing and zero-moment point, and the reference of the divergent component [m].
+            The stride with its landing, zero-moment point and end of the weight transfer, and the reference of the
+            divergent component [m].
         """
         if not stride.step.active:
             stride = self._start_if_needed(stride, command, estimate)
@@ -392,7 +394,8 @@ class WalkPlanner:
         if is_single and is_transferring and is_usual_transfer:
             support = support._replace(transfer=support.time, zmp=support.rest)
 
-        # Soles bring the zero-moment point beyond the error, which then grows more slowly.
+        # Soles bring the zero-moment point beyond the error, which then grows more slowly. This counts in the
+        # prediction for the landing only: the reference of the zero-moment point, in `support`, stays.
         shift = _clamp_parts(feedback.zmp_gain * error, feedback.zmp_limit)
         state = DivergentComponent(
             xi=desired + error,  # as measured, but for the deadband
@@ -407,7 +410,7 @@ class WalkPlanner:
         return support, self._shift_to_even_ground(stride, estimate, adjusted)
 
     def _must_brace(self, estimate: Estimate | None, xi: complex) -> bool:
-        """Check whether an error to the side is too large for a step aside.
+        """Check whether an error to the side has reached the threshold from which the robot braces.
 
         Returns False without an estimate, and if the parameters set no `brace_threshold`.
 
@@ -436,7 +439,8 @@ class WalkPlanner:
     ) -> Stride:
         """Begin the first step of a standing robot, if there is a command or an error of the divergent component.
 
-        A braced robot does not step: it only counts down the time for which it stays braced, once the error is small.
+        A braced robot does not step: it counts down the time for which it stays braced while the error to the side is
+        small, and begins anew if the error is large again.
 
         Args:
             stride: state of the standing robot.
@@ -466,16 +470,16 @@ class WalkPlanner:
         """Begin the first step.
 
         Without an error the present swing foot steps, after the weight has gone to the other foot for `settle` seconds.
-        With an error the step begins at once, with the foot on the side of the error.
+        With an error the foot lifts at once: the one on the side of the error, or the present swing foot if the error
+        has no part to a side.
 
         Args:
             stride: state of the standing robot.
             command: desired motion.
             error: part of the divergent component's error outside of the deadband [m], or 0.
         """
-        # Positive if the left foot stands, negative if the right one does.
-        # Index 1 is the left foot, and an imaginary part above zero is to the left, too. The foot on the side of the
-        # error must swing, as it can step further out than the other one.
+        # Positive if the left foot (index 1) stands, negative if the right one does. An imaginary part above zero is to
+        # the left, too. The foot on the side of the error must swing, as it can step further out than the other one.
         side_of_stance_foot = stride.step.standing - 0.5
         if error and error.imag * side_of_stance_foot > 0:
             stride = stride.on_the_other_foot()
@@ -548,7 +552,8 @@ class WalkPlanner:
             share=share,
         )
 
-        # The trunk turns by the share of the whole step, transfer included, and the foot by that of its swing.
+        # The trunk turns by the elapsed share of the whole step, so it makes up for the transfer, in which it does not
+        # turn, at the first sample after it. The foot turns by the share of its swing.
         turn_share = smoothstep(min(time / landing.time, 1.0))
         heading = step.heading_from + turn_share * (landing.yaw - step.heading_from)
         ground = self._ground_of_swing(stride, estimate, share)
@@ -588,7 +593,7 @@ class WalkPlanner:
         Heights of feet are those of a :class:`Ground`: above the middle of the stance feet, in addition to the ground's
         slope. A foot that is too low goes up in the first part of the swing (`_height_part`). A foot that is too high
         goes down in the rest of the swing, or in the first part if that is the whole swing. A foot that feels the
-        ground stays.
+        ground by its force sensor stays, once the swing is beyond `early_touchdown`.
 
         Args:
             stride: state of the walk, with the swing of the last sample.
@@ -691,7 +696,9 @@ class WalkPlanner:
     def _respond_to_contact(self, before: Stride, stride: Stride, estimate: Estimate) -> Stride:
         """Keep swing feet that feel the ground where they are, and lower stance feet that do not.
 
-        Nothing changes without force sensors in the feet: `down` and `hangs` of the estimate are empty then.
+        Swing feet are kept once the swing is beyond `early_touchdown`; stance feet are lowered while the other foot
+        swings, and only if `late_touchdown` is not 0. Nothing changes without force sensors in the feet: `down` and
+        `hangs` of the estimate are empty then.
 
         Args:
             before: stride with the swing of the last sample.

@@ -307,13 +307,13 @@ class Steps:
     ) -> Landing:
         r"""Find the landing that answers an error of the divergent component best.
 
-        Landing times T on a grid are compared by the cost
+        The planned landing time, if the foot can land by then, and other times T on a grid are compared by the cost
 
         .. math:: |u^* - u|^2 + k_u |u - u_0|^2 + k_T (T - T_0)^2
 
-        with the foothold :math:`u^*` after which the next steps go as planned, the foothold u that the foot can reach
-        in time, the planned foothold :math:`u_0` and time :math:`T_0`, and the parameters `place_weight` :math:`k_u`
-        and `time_weight` :math:`k_T`.
+        with the foothold :math:`u^*` after which the next steps go as planned, the foothold u that the foot takes (see
+        `_reachable_place`), the planned foothold :math:`u_0` and time :math:`T_0`, and the parameters `place_weight`
+        :math:`k_u` and `time_weight` :math:`k_T`.
 
         Args:
             swinging: index of the swing foot.
@@ -323,7 +323,7 @@ class Steps:
             condition: condition on the divergent component at the landing.
 
         Returns:
-            The best landing, with the yaw of the planned one.
+            The best landing: its time, its foothold u, and the yaw of the planned one.
         """
         feedback = self._feedback
         assert feedback is not None  # a walk without feedback keeps its planned landings
@@ -365,7 +365,9 @@ class Steps:
     ) -> complex:
         """Compute the foothold that answers a desired one [m].
 
-        It is a compromise with the planned one, within the allowed footholds and the largest speed of the foot.
+        It is a compromise with the planned one, limited to the allowed footholds, or the point on the straight way
+        there that the foot reaches in time at its largest speed. From a foot beyond the allowed footholds, this point
+        may be beyond them, too.
 
         Args:
             swinging: index of the swing foot.

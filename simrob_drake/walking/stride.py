@@ -147,8 +147,9 @@ class Stride(NamedTuple):
         """Exchange stance foot and swing foot: the state as measured from the foot that has landed.
 
         A point p becomes (p - u) exp(-i yaw), with the position u and the angle yaw of the foot that has landed. A
-        direction is only turned, and heights count from the ground under that foot. Lean and pitch of the trunk, the
-        heading in the world, and the landing stay: the next step sets its own landing.
+        direction is only turned, and heights count from the ground under that foot. The command of the step stays, as
+        it is relative to the robot; so do the planned durations, lean and pitch of the trunk, the heading in the world,
+        and the landing: the next step sets its own durations and landing.
         """
         origin = self.swing.place
         yaw = self.swing.yaw

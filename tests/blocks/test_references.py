@@ -373,3 +373,15 @@ def test_a_spline_whose_velocity_jumps_is_sampled_between_its_knots() -> None:
 
     assert counts[0] == 3
     assert counts[1] > 200
+
+
+def test_a_spline_of_straight_lines_is_sampled_between_its_knots() -> None:
+    """The velocity of a spline of order 2 jumps at each knot: cubics through its knots alone would round it."""
+    points = [np.array([[value]]) for value in (0.0, 1.0, 0.0)]
+    trajectory = BsplineTrajectory(BsplineBasis(2, [0.0, 0.0, 1.0, 2.0, 2.0]), points)
+
+    samples = hermite_samples(trajectory, 0.0, 2.0, 100.0)
+
+    assert len(samples.times) > 200
+    middle = hermite(samples.times, samples.positions, samples.velocities).value(0.5)
+    assert middle[0, 0] == pytest.approx(0.5, abs=1e-9)

@@ -12,6 +12,7 @@ from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.importer.importing import examine_robot
 from simrob_drake.importer.reading import child
 from simrob_drake.importer.reading.expressions import NotAllowed, evaluate, symbols
+from simrob_drake.robots.imports import ImportReport
 from simrob_drake.stations.load import load_station
 
 HEAD = '<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro"><link name="base"/>'
@@ -213,3 +214,12 @@ def test_a_system_without_any_says_so(monkeypatch):
     monkeypatch.setattr(os, "environ", {})
 
     assert child.confine(20) == ["Landlock", "seccomp"]
+
+
+@pytest.mark.parametrize("line", ["5", "[]", "null", "{}", '{"end": 1}', "no JSON"])
+def test_a_process_that_sends_anything_else_has_failed(tmp_path, monkeypatch, line):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "hostile.py").write_text(f"print({line!r}, flush=True)\n")
+
+    with pytest.raises(child.ChildFailed):
+        child.in_child("hostile", {}, lambda *_: None, ImportReport(tmp_path), seconds=20)

@@ -141,6 +141,12 @@ class TestKinematics:
         assert half_width == pytest.approx(abs(body.homes[0][1]) + 0.03, abs=1e-6)
         assert np.rad2deg(posture[elbow]) == pytest.approx(30.0)
 
+    def test_a_negative_widen_brings_the_feet_nearer_to_each_other(self) -> None:
+        robot = make_robot("zjudancer_walking", {"widen": -0.004})
+        body = robot.engine.body
+        half_width = robot.engine.stance.half_width
+        assert half_width == pytest.approx(abs(body.homes[0][1]) - 0.004, abs=1e-6)
+
     @pytest.mark.parametrize("correction", [0.05 + 0j, 0.05j, -0.04 + 0.03j])
     def test_the_trunk_leans_by_its_correction(self, zjudancer: Robot, correction: complex) -> None:
         """The real part leans to the right, the imaginary part ahead: the feet show it from a root that is upright."""

@@ -84,7 +84,7 @@ def references(path: Path) -> list[str]:
 
 
 def gltf_header(data: bytes) -> Any:
-    """Parse the JSON of a glTF or GLB file. Returns None if there is none, or if it is too large."""
+    """Parse the JSON of a glTF or GLB file. Returns None if it is missing, damaged or too large."""
     if data[:4] == b"glTF":
         # The binary form of glTF. It begins with 12 bytes of header and 8 bytes that introduce the JSON, of which four
         # are its length.
@@ -165,7 +165,8 @@ def check_mesh(data: bytes, suffix: str) -> CheckedMesh:
         suffix: the file's format, as the lower-case end of its name, such as ``.stl``.
 
     Raises:
-        UnreadableMesh: the file is empty, cut off, or so large that parsing it could fill the memory.
+        UnreadableMesh: the file is empty, cut off, damaged in a way that is seen here, or so large that parsing it
+            could fill the memory; or a COLLADA file has a document type or an impossible unit of length.
     """
     if not data.strip(b"\0 \t\r\n"):
         raise UnreadableMesh(message("importer.is_empty", "is empty"))
@@ -307,7 +308,7 @@ class _BuilderWithoutDoctype(ET.TreeBuilder):
 
 
 def _node_count(root: ET.Element) -> int:
-    """Count the nodes of a COLLADA file's largest scene, with a node counted for each of its instances.
+    """Count the nodes of a COLLADA file's largest scene, with a node counted for each of its instances, and the scene.
 
     Returns at most one more than the allowed count, also for a node that contains itself.
     """
@@ -344,7 +345,7 @@ def _node_count(root: ET.Element) -> int:
 
 
 def _check_gltf(data: bytes) -> CheckedMesh:
-    """Refuse glTF files that declare more numbers, bytes or nodes than a mesh can have."""
+    """Refuse glTF files whose JSON cannot be read, or declares more numbers, bytes or nodes than a mesh can have."""
     header = gltf_header(data)
     if not isinstance(header, dict):
         raise UnreadableMesh(message("importer.not_readable_gltf", "is not readable as glTF"))
@@ -385,7 +386,7 @@ def _declared_values(header: dict[str, Any], key: str, name: str) -> list[int]:
 
 
 def _check_ply(data: bytes) -> CheckedMesh:
-    """Refuse PLY files whose header counts more elements than the file has bytes."""
+    """Refuse PLY files whose header counts more elements of one kind than the file has bytes."""
     # The header is text, also in a binary PLY. Data without an end of the header is no PLY, which the parser reports.
     end = data[:100_000].find(b"end_header")
     header = data[: end if end >= 0 else 10_000]

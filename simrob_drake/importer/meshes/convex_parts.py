@@ -236,8 +236,8 @@ def convex_parts(vertices: Vector, faces: NDArray[np.int64]) -> list[Vector]:
         faces: indices of the vertices of each face, shape (m, 3).
 
     Returns:
-        the corners of each part's convex hull, shape (k, 3) [m]. There is only one part if the
-        mesh is convex or if no cut removes enough volume.
+        the corners of each part's convex hull, shape (k, 3) [m], of at most `MOST_PARTS` parts. There is only one part
+        if the mesh is convex or if no cut removes enough volume.
 
     Raises:
         UnreadableMesh: the mesh is flat or too small for a hull.

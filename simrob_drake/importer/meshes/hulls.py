@@ -80,8 +80,8 @@ class TightBox(NamedTuple):
 def hull_of(points: Vector) -> Hull:
     """Compute a convex hull of points with few corners, at most `MOST_CORNERS`.
 
-    The corners are some of the points, so that the hull is never larger than the mesh. It has the bounding box of the
-    mesh.
+    The corners are some of the points, so that the hull is never larger than the full convex hull of the points. It has
+    their bounding box. Points that are nearly in a plane or on a line are thickened first.
 
     Args:
         points: the points, shape (n, 3) [m].
@@ -157,7 +157,7 @@ def _principal_axes(centred: Vector) -> Vector:
 
 
 def _with_thickness(points: Vector) -> tuple[Vector, float]:
-    """Give thickness to points (n, 3) that are all in a plane or on a line, so that they fill a volume.
+    """Give thickness to points (n, 3) that are all in a plane or on a line, or nearly so, so that they fill a volume.
 
     Returns:
         the points, or copies of them on both sides of the plane, and the thickness [m]. The thickness is 0 if the

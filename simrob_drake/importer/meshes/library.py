@@ -129,7 +129,16 @@ class MeshLibrary:
         return mesh
 
     def _read(self, path: Path, scale: Scale) -> Mesh:
-        """Read, scale, clean and simplify a mesh, and describe the changes. See :meth:`load`."""
+        """Read, scale, clean and simplify a mesh, and describe the changes.
+
+        Args:
+            path: file of the mesh.
+            scale: factors along x, y and z.
+
+        Raises:
+            UnreadableMesh: the file cannot be read, or contains no triangle with an area.
+            OutsideBorder: a file to which it refers is outside of the folders from which files may be read.
+        """
         try:
             # The files to which the mesh refers are found here, with their permission, as the parser may open these
             # only.
@@ -235,11 +244,13 @@ _CODE = [Path(__file__).parent]
 def drake_mesh(file: Path) -> Path:
     """Convert a mesh file to an OBJ file that Drake reads, without colours and textures, and with faces outwards.
 
-    The OBJ file is kept in the cache, in a folder whose name follows from the content of the mesh file. Other files to
-    which the mesh refers, such as the buffers of a glTF, are read from the folder of the mesh only.
+    The OBJ file is kept in the cache, in a folder whose name follows from the content of the mesh file and of the files
+    to which it refers, such as the buffers of a glTF. These are read from the package of the mesh, see `package_root`,
+    and from the folders that the environment or an earlier command allows.
 
     Raises:
-        InvalidModel: the file is missing, too large or damaged, has another format, or contains no triangles.
+        InvalidModel: the file is missing, too large or damaged, has another format, contains no triangles, or refers to
+            a file that may not be read.
         OutputError: the cache cannot be written.
     """
     suffix = file.suffix.lower()
@@ -255,7 +266,7 @@ def drake_mesh(file: Path) -> Path:
         )
     try:
         source = file.resolve()
-        # Files of a piece are read from the folder of its mesh only, so there are no further folders.
+        # A piece has no option that could allow further folders.
         others, _ = MeshPlaces(source, ()).needed_by(source)
         # Also the files to which the mesh refers: a change of a buffer changes the result.
         content = [mesh_content(path) for path in (file, *others.values())]

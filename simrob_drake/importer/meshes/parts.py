@@ -126,7 +126,7 @@ class MeshPart:
         return replace(self, faces=self.faces[kept], normals=normals, uv=uv)
 
     def transform(self, matrix: Vector) -> "MeshPart":
-        """Copy of this part after an affine transform, such as a rotation, a scale or a mirroring.
+        """This part after an affine transform, such as a rotation, a scale or a mirroring. The part itself stays.
 
         Args:
             matrix: homogeneous transform, shape (4, 4).
@@ -283,9 +283,10 @@ def with_normals(part: MeshPart) -> MeshPart:
 
 
 def decimate(parts: Sequence[MeshPart]) -> list[MeshPart]:
-    """Simplify a mesh to about `MOST_FACES` faces if it has more; its size changes by 1 % at most.
+    """Simplify a mesh to about `MOST_FACES` faces if it has more; the size of each part changes by 1 % at most.
 
-    A mesh with a texture is simplified only if it has more than four times as many faces.
+    A part whose size would change by more stays as it is. A mesh with a texture is simplified only if it has more than
+    four times as many faces; its textures then become colours.
     """
     total = face_count(parts)
     has_texture = any(part.image is not None for part in parts)

@@ -101,7 +101,7 @@ class MeshPlaces:
             uri: name of the mesh, as it stands in the URDF.
 
         Raises:
-            MeshMissing: no file has this name.
+            MeshMissing: no file has this name, or it is the address of a file on the network.
             OutsideBorder: the file is outside of the folders from which files may be read.
         """
         # The search may try hundreds of paths, and each mesh is named at least twice: as visual and as collision.
@@ -155,14 +155,16 @@ class MeshPlaces:
         return found, missing
 
     def _find_near(self, owner: Path, name: str) -> FoundFile:
-        """Find a file to which a mesh refers: in the folder of the mesh, or in the package that the name contains.
+        """Find a file to which a mesh refers: by its path from the folder of the mesh, or directly in this folder.
+
+        A name that contains a package is searched as by :meth:`find`.
 
         Args:
             owner: the mesh.
             name: name of the file in the mesh.
 
         Raises:
-            MeshMissing: no file has this name.
+            MeshMissing: no file has this name, or it is the address of a file on the network.
             OutsideBorder: the file is outside of the folders from which files may be read.
         """
         parsed = _parse_name(name)
@@ -256,7 +258,10 @@ class MeshPlaces:
 
 
 def mesh_files(robot: ET.Element, *, source: Path, options: ImportOptions) -> list[Path]:
-    """Find all files from which a robot's meshes are read, in order. Files that are missing are left out.
+    """Find all files from which a robot's meshes are read, in order.
+
+    A mesh is left out, with the files to which it refers, if it is missing or if one of these files may not be read. A
+    missing texture is left out alone.
 
     Args:
         robot: the ``robot`` element.
@@ -309,7 +314,8 @@ def _existing_file(path: Path) -> _ExistingFile | None:
 def in_any_case(path: Path) -> Path | None:
     """Find the file whose path equals a given absolute one up to capital letters.
 
-    Returns the first in order if there are several such files, and None if there is none.
+    In each folder on the way, the exact name is taken if it exists, else the first one in order that differs in capital
+    letters only. Returns None if this way leads to no file.
     """
     folder = Path(path.anchor)
     # Folder by folder from the root, as any of them may have other capital letters.

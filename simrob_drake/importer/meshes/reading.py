@@ -83,7 +83,7 @@ def read_mesh(path: Path, others: Mapping[str, Path]) -> MeshFile:
         others: the files to which the mesh may refer, by their names in it. It cannot open other files.
 
     Raises:
-        UnreadableMesh: the file is too large or damaged, or contains no triangles.
+        UnreadableMesh: the file has a format that is not read, is too large or damaged, or contains no triangles.
     """
     suffix = path.suffix.lower()
     if suffix not in MESH_FORMATS:
@@ -229,7 +229,9 @@ class _PlacedMesh(NamedTuple):
 
 
 def _scene_parts(scene: Any, suffix: str, notes: list[str]) -> Iterator[MeshPart]:
-    """Yield the parts of a scene, in metres and with z up.
+    """Yield the parts of a scene, in metres; those of a glTF file with z up. The up axis of other files is ignored.
+
+    A geometry at a place whose transform is not finite is left out without a note.
 
     Args:
         scene: the ``trimesh.Scene``.

@@ -73,7 +73,8 @@ def in_child(
         the result of the job.
 
     Raises:
-        ChildFailed: the process does not end in time, crashes, or reports a problem.
+        ChildFailed: the process does not end in time, crashes, reports a problem, or sends anything else than requests
+            and a result, or too much.
     """
     environment = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
     environment |= _SETTINGS
@@ -147,7 +148,7 @@ def _exchange(
 ) -> dict[str, Any] | None:
     """Send the job to the process, and answer its requests until it sends a result or a problem.
 
-    Returns None if the process ends before, or sends anything else than JSON.
+    Returns None if the process ends before, or sends something that is no request, no result and no problem.
     """
     replies = cast(IO[bytes], child.stdout)
     requests = cast(IO[bytes], child.stdin)
@@ -167,10 +168,13 @@ def _exchange(
                     )
                 }
             reply = json.loads(line)
+            # The file that is read may control the process, and send anything.
+            if not isinstance(reply, dict):
+                return None
             if "ask" not in reply:
-                return dict(reply)
+                return reply if {"problem", "unconfined"} & reply.keys() else None
             # A refused request is answered, too: with a reason in place of the content.
-            to_send = answer(reply["ask"], reply["about"])
+            to_send = answer(str(reply["ask"]), str(reply.get("about")))
     except (OSError, ValueError):
         return None
 
@@ -333,15 +337,16 @@ _MACHINES = {
 
 
 def confine(seconds: int) -> list[str]:
-    """Confine this process for good. It can compute, and read and write the files that are open already.
+    """Confine this process for good, as far as the system has protections for it.
 
-    Its memory, its processor time and what it writes are limited, and its environment variables are removed.
+    With all of them, the process can only compute, and read and write the files that are open already, and its memory,
+    its processor time and what it writes are limited. Its environment variables are always removed.
 
     Args:
         seconds: processor time that the process may take [s].
 
     Returns:
-        names of the protections that the system does not have.
+        "Landlock", which shuts files, or "seccomp", which refuses calls, or both: those that the system does not have.
     """
     limits = {
         resource.RLIMIT_AS: MEMORY,
@@ -382,9 +387,10 @@ def _system() -> ctypes.CDLL:
 
 
 def _shut_files(system: ctypes.CDLL) -> bool:
-    """Refuse this process all files and ports, and signals to other processes, with Landlock.
+    """Refuse this process all files with Landlock, and ports and signals to other processes where it can do so.
 
-    Returns whether the system has Landlock and it is active.
+    It refuses ports from version 4 of Landlock on, and signals from version 6 on. Returns whether Landlock is active,
+    which a system may lack.
     """
     version = int(
         system.syscall(_LANDLOCK_CREATE_RULESET, None, ctypes.c_size_t(0), _LANDLOCK_GET_VERSION),

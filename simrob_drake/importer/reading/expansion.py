@@ -174,6 +174,9 @@ def _load_yaml(file: str) -> Any:
 
     Raises:
         NotAllowed: the content is too large, or contains other values than numbers, texts, lists and mappings.
+        FileNotFoundError: the file does not exist.
+        LookupError: it may not or cannot be read.
+        YAMLError: it is not YAML.
     """
     content = yaml.load(_ask("yaml", xacro.abs_filename_spec(file)), Loader=_Loader)
     return check_value(content)

@@ -226,7 +226,11 @@ def _tuple(scope: _Scope, node: ast.Tuple) -> tuple[Any, ...]:
 
 
 def _mapping(scope: _Scope, node: ast.Dict) -> dict[Any, Any]:
-    """Value of a mapping such as ``{'a': 1}``."""
+    """Value of a mapping such as ``{'a': 1}``.
+
+    Raises:
+        ValueError: it contains the entries of another mapping, as in ``{**other}``.
+    """
     # For {**other}, Python has None as the key. The counts then differ, and zip() raises a ValueError.
     keys = [scope.value(key) for key in node.keys if key is not None]
     values = _list(scope, ast.List(node.values))
@@ -242,7 +246,7 @@ def _binary(scope: _Scope, node: ast.BinOp) -> Any:
     """Value of an operator with two operands, such as ``x + y``.
 
     Raises:
-        NotAllowed: the result would be too large.
+        NotAllowed: the operator is not allowed, or the result would be too large.
     """
     left = scope.value(node.left)
     right = scope.value(node.right)
@@ -362,7 +366,7 @@ def _call(scope: _Scope, node: ast.Call) -> Any:
     """Value of a call of a function or method that is allowed.
 
     Raises:
-        NotAllowed: the function is not allowed, or its result is too large.
+        NotAllowed: the function or the form of an argument (such as ``*x``) is not allowed, or the result is too large.
     """
     if any(keyword.arg is None for keyword in node.keywords):
         raise NotAllowed(message("importer.no_double_star", "** before an argument is not allowed"))
@@ -403,7 +407,9 @@ def _function(scope: _Scope, node: ast.expr) -> Callable[..., Any]:
 
 
 def _comprehension(scope: _Scope, node: ast.ListComp) -> list[Any]:
-    """Value of a comprehension over one list, such as ``[2 * x for x in y]`` or ``[a + b for a, b in pairs]``.
+    """Value of a comprehension such as ``[2 * x for x in y]`` or ``[a + b for a, b in pairs]``.
+
+    It goes over one list, or over another value that has entries.
 
     Raises:
         NotAllowed: the comprehension has conditions or several lists, or its value becomes too large.

@@ -44,7 +44,7 @@ def read_source(
 ) -> ET.Element:
     """Read the ``robot`` element of a robot's file.
 
-    Elements and attributes of namespaces other than Drake's are left out, because no simulation uses them.
+    Elements and attributes of namespaces other than Drake's are left out of a URDF, because no simulation uses them.
 
     Args:
         path: the file.
@@ -52,7 +52,9 @@ def read_source(
         options: options of the import, such as the arguments of a xacro file; None for the defaults.
 
     Raises:
-        InvalidModel: the file cannot be read, is too large, is no XML, declares entities, or contains no robot.
+        InvalidModel: the file cannot be read, is too large, is empty, is no XML, has a document type, nests elements
+            too deep, cannot be expanded or converted, or contains no robot.
+        UnknownName: an SDF file has no model of the name that the options give.
     """
     options = options or ImportOptions()
     # The text is kept, as xacro needs it unparsed.

@@ -76,7 +76,8 @@ def expand_xacro(path: Path, text: str, options: ImportOptions, report: ImportRe
         the URDF.
 
     Raises:
-        InvalidModel: the package xacro is missing, or the file cannot be expanded or contains macros only.
+        InvalidModel: the package xacro is missing, an argument of the options is not of the form NAME:=VALUE, or the
+            file cannot be expanded or contains macros only.
     """
     package = importlib.util.find_spec("xacro")
     # A folder named xacro in the working folder is found, too, but has no origin.
@@ -243,7 +244,7 @@ class _Files:
         return self.texts[name]
 
     def _matching_files(self, pattern: str) -> list[str]:
-        """Paths of the files in one folder whose names fit a pattern with wildcards."""
+        """Paths of the files in one folder whose names fit a pattern with wildcards: the first 200 of them."""
         # Only the name may have wildcards. The folder is checked as it is.
         folder, name_pattern = os.path.split(pattern)
         names = fnmatch.filter(sorted_entries(self.border.readable(Path(folder))), name_pattern)
@@ -440,7 +441,10 @@ def outline(texts: Iterable[str], find: Callable[[str], Path]) -> Outline:
 
 
 def callers(macros: Iterable[str], folder: Path) -> list[Path]:
-    """Find the xacro files in a folder and below that call one of some macros and define no macros themselves."""
+    """Find the xacro files in a folder and below that call one of some macros and define no macros themselves.
+
+    Of a large folder, only the first `_MOST_FILES` xacro files are looked at.
+    """
     # A macro is called by an element of its name.
     calls = re.compile(rf"<xacro:(?:{'|'.join(map(re.escape, macros))})[\s/>]")
     found = []
@@ -516,6 +520,9 @@ def _values_in_path(
     path: _PackagePath, names: set[str], find: Callable[[str], Path]
 ) -> Iterator[str]:
     """Yield the values of a variable part of a path for which there is a file with that path.
+
+    If the variable occurs several times in the path, its first occurrence counts. A path with ``..`` or with more than
+    `_MOST_VARIABLES` variable parts gives no values.
 
     Args:
         path: the path.

@@ -63,7 +63,8 @@ def xml_element(path: Path, report: ImportReport) -> ET.Element:
         report: gets an entry for each repair.
 
     Raises:
-        InvalidModel: the file cannot be read, is too large, is no XML, or declares entities.
+        InvalidModel: the file cannot be read, is too large, is empty, is no XML, has a document type or too many tags,
+            or nests elements too deep.
     """
     return parse_tree(xml_text(path, report), report)[0]
 
@@ -76,7 +77,7 @@ def xml_text(path: Path, report: ImportReport) -> str:
         report: gets an entry for each repair.
 
     Raises:
-        InvalidModel: the file cannot be read, is too large, or is no text.
+        InvalidModel: the file cannot be read, is too large, is no text, is empty, or has too many tags.
     """
     # Bytes become text before anything else: a null in UTF-16 is no sign of a binary file.
     text = _decode(_file_content(path, report), report)
@@ -130,7 +131,10 @@ def _remove_late_declaration(text: str, report: ImportReport) -> str:
 
 
 def _repair_comments(text: str, report: ImportReport) -> str:
-    """Replace the dashes in comments by spaces if a comment contains ``--``. The numbers of lines stay the same."""
+    """Replace the dashes in all comments by spaces if a comment contains ``--`` or ends with ``-``.
+
+    The numbers of lines and columns stay the same.
+    """
     # After the last end of a comment, the search from each beginning would run to the end of the text in vain. A file
     # with many beginnings would take very long.
     end = text.rfind("-->") + 3

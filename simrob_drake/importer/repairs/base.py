@@ -76,7 +76,7 @@ _LEAST_NAMED_WHEELS = 2
 """Least count of wheels that are recognized by their names, as a differential drive has two."""
 
 _HANGING_SHARE = 0.5
-"""A branch hangs down if this share of the distance to its farthest joint is vertical."""
+"""A branch hangs down if at least this share of the distance to its farthest link points downward."""
 
 Base = Literal["fixed", "floating"]
 
@@ -290,7 +290,7 @@ def _movable_count(joints: list[ET.Element]) -> int:
 
 
 def _hangs_down(branch: list[ET.Element]) -> bool:
-    """Whether a branch leads downward with all joints at zero, by more than half of the distance to its farthest link.
+    """Whether a branch leads downward with all joints at zero, by at least half of the distance to its farthest link.
 
     Most arms and fingers do not: they are drawn upright or stretched out.
 

@@ -127,9 +127,10 @@ def repair_drives(robot: ET.Element, options: ImportOptions, report: ImportRepor
 def _passive_joints(robot: ET.Element, driven: Collection[str]) -> list[str]:
     """Find the joints that have no motor in a file that describes the motors of other joints, in file order.
 
-    These are joints without a transmission, if others have one, and joints with an effort of exactly 0, if others have
-    a positive effort or a motor. An axis that follows another one is never passive: stations couple the two, and where
-    the solver does not hold the coupling, its own motor does.
+    These are joints without a transmission, if others have one. Joints with an effort of exactly 0 are passive, too, if
+    a joint with a transmission has another effort or none, or, in a file without transmissions, if a joint has a
+    positive effort. An axis that follows another one is never passive: stations couple the two, and where the solver
+    does not hold the coupling, its own motor does.
 
     Args:
         robot: the robot, whose transmissions are repaired.
@@ -157,9 +158,10 @@ def _passive_joints(robot: ET.Element, driven: Collection[str]) -> list[str]:
 
 
 def _make_passive(robot: ET.Element, passive: Collection[str], report: ImportReport) -> None:
-    """Set the effort of passive joints to 0, remove speed limits of 0, and report the joints.
+    """Set the effort of passive joints to 0, remove speed limits that are not positive, and report the joints.
 
-    A speed limit of 0 stands for a missing one. Passive joints get no estimated one, as no motor limits their speed.
+    A joint without ``<limit>`` stays as it is, as a missing effort counts as 0. A speed limit that is not positive
+    stands for a missing one. Passive joints get no estimated one, as no motor limits their speed.
     """
     for joint in robot.iterfind("joint"):
         limit = joint.find("limit")
@@ -593,7 +595,7 @@ def _estimate_effort(joint: ET.Element, load: _Load, rotor: float, floating_mass
 
 
 def _set_effort(joint: ET.Element, effort: float, why: str, report: ImportReport) -> None:
-    """Set the effort of a joint, rounded up to two significant digits, in place.
+    """Set the effort of a joint, rounded up to two significant digits and at most 1e9, in place.
 
     Args:
         joint: the joint.

@@ -135,7 +135,16 @@ def repair_inertias(
 def _repair_bodies_without_inertia(
     robot: ET.Element, folder: Path | None, options: ImportOptions, report: ImportReport
 ) -> None:
-    """Estimate the inertia of bodies that need one and have none, or report them. See :func:`repair_inertias`."""
+    """Estimate the inertia of bodies that need one and have none if the options ask for that, otherwise report them.
+
+    A body is a link with all links that fixed joints connect to it.
+
+    Args:
+        robot: the ``robot`` element.
+        folder: folder of its meshes; None if there is none.
+        options: options of the import.
+        report: gets an entry for each estimate, and for each body without inertia.
+    """
     # A root that is fixed to the world needs no inertia.
     is_floating = find_base(robot, options).base == "floating"
     for name in links_without_inertia(robot, floating=is_floating):
@@ -175,8 +184,8 @@ def _remove_impossible_inertias(robot: ET.Element, report: ImportReport) -> dict
 def _correct_or_remove(link: ET.Element, report: ImportReport) -> _Inertial | None:
     """Correct the inertia of a link. If it cannot be corrected, remove it and return it.
 
-    Returns None if the link keeps its inertia or had none. An ``<inertial>`` without mass and moments is removed, and
-    counts as none.
+    Returns None if the link keeps its inertia or had none. An ``<inertial>`` without mass and moments counts as none:
+    it is removed if it lacks ``<mass>`` or ``<inertia>``, and stays if it has both, with zeros.
     """
     inertial = link.find("inertial")
     if inertial is None:

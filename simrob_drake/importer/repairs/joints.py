@@ -341,7 +341,7 @@ def _leads_back(joints: Mapping[str, ET.Element], name: str) -> bool:
 
 
 def _fix_still_followers(robot: ET.Element, report: ImportReport) -> None:
-    """Turn the joints that follow a joint that does not move into fixed joints, in place.
+    """Turn followers of a joint that does not move, and followers with a multiplier of 0, into fixed joints, in place.
 
     Each is fixed at the position that it has by its leader's position.
     """
@@ -401,7 +401,10 @@ def _leader_of(joints: Mapping[str, ET.Element], follower: ET.Element) -> ET.Ele
 
 
 def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
-    """Widen the limits of every follower so that it can go wherever its leader takes it, in place."""
+    """Widen the limits of every follower so that it can go wherever its leader takes it, in place.
+
+    A prismatic follower of a leader without limits keeps its own.
+    """
     joints = {
         name_of(joint): joint
         for joint in robot.iterfind("joint")
@@ -427,7 +430,10 @@ def _widen_followers(robot: ET.Element, report: ImportReport) -> None:
 
 
 def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport) -> None:
-    """Widen the limits of one follower so that it can go wherever its leader takes it, in place."""
+    """Widen the limits of one follower so that it can go wherever its leader takes it, in place.
+
+    If the leader has no limits, a revolute follower becomes continuous, and a prismatic one keeps its own limits.
+    """
     multiplier, offset = mimic_line(child_of(joint, FOLLOWS))
     # The follower's position is multiplier * q + offset, which takes its extreme values at the limits of the leader's
     # position q. A negative multiplier exchanges lower and upper.
@@ -478,7 +484,7 @@ def _widen_follower(joint: ET.Element, leader: ET.Element, report: ImportReport)
 
 
 def _repair_axis(joint: ET.Element, where: str, report: ImportReport) -> None:
-    """Make the axis of a joint a unit vector, in place; a missing axis gets the format's default.
+    """Make the axis of a joint a unit vector, up to rounding, in place; a missing axis gets the format's default.
 
     Raises:
         InvalidModel: the axis is zero.

@@ -123,7 +123,9 @@ def _repair_colour(material: ET.Element, report: ImportReport) -> None:
 
 
 def _keep_first_definitions(robot: ET.Element, report: ImportReport) -> dict[str, list[float]]:
-    """Keep the first definition of each name among the robot's own materials, and remove the others, in place.
+    """Keep the first definition with a colour of each name among the robot's own materials, and remove the others.
+
+    Materials without a name or without a colour are removed, too.
 
     Returns:
         the colours of the materials that are kept, by their names.

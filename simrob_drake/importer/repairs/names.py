@@ -247,7 +247,10 @@ def _separate_joints(robot: ET.Element, report: ImportReport) -> None:
 
 
 def _rename_world(robot: ET.Element, report: ImportReport) -> None:
-    """Rename a link that has the name of Drake's world, in place. If joints start at it and it is missing, add it."""
+    """Rename a link that has the name of Drake's world, in place.
+
+    If joints start at the world and there is no such link, an empty link with the new name is added.
+    """
     # Frames and collision filter groups refer to links, too.
     referring = [element for element in robot.iter() if element.tag in _REFER_TO_LINKS]
     references = [element for element in referring if element.get("link") == WORLD]

@@ -450,7 +450,7 @@ class _Shapes:
             report: report of the import.
 
         Raises:
-            UnreadableMesh: the mesh cannot be read, or is too small for a hull.
+            UnreadableMesh: the mesh cannot be read, or is too small for a hull or a box.
         """
         mesh = element.find("geometry/mesh")
         if mesh is None:

@@ -111,8 +111,8 @@ of an import requires numbers there, too."""
 def repair_numbers(robot: ET.Element, report: ImportReport) -> None:
     """Repair every number of a robot that is malformed, in place.
 
-    Decimal commas, commas between numbers, brackets and units of the SI are understood. Other text is replaced by the
-    default of its attribute if there is one, and is removed otherwise, so that it counts as missing.
+    Decimal commas, commas between numbers, brackets and the attribute's unit (m, rad or kg) are understood. Other text
+    is replaced by the default of its attribute if there is one, and is removed otherwise, so that it counts as missing.
 
     Args:
         robot: the ``robot`` element.
@@ -623,9 +623,10 @@ def _remove_repeated(robot: ET.Element, report: ImportReport) -> None:
 
 
 def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
-    """Remove Drake's frames, collision filter groups and bushings that name missing elements, in place.
+    """Remove Drake's frames, collision filter groups and bushings that Drake would refuse, in place.
 
-    Drake would refuse them. Stages that remove links call this function afterwards.
+    They name missing elements, or have no name, or the name of another one. Stages that remove links call this function
+    afterwards.
 
     Args:
         robot: the ``robot`` element.
@@ -669,12 +670,16 @@ def drop_lost_frames(robot: ET.Element, report: ImportReport) -> None:
 def _drop_lost_groups(
     robot: ET.Element, links: set[str], taken_names: set[str], report: ImportReport
 ) -> None:
-    """Remove collision filter groups that name missing or welded links, and names of missing groups, in place.
+    """Remove collision filter groups that Drake would refuse, and names of missing groups in the others, in place.
+
+    These groups have no name, the name of an earlier group, no members, or members that are no links. A group with a
+    link that is welded to another one is removed, too.
 
     Args:
         robot: the robot.
         links: names of its links.
-        taken_names: names of links and frames, to which those of the groups are added.
+        taken_names: names of links and frames, to which the groups are added in words: a group may have the name of a
+            link.
         report: report of the import.
     """
     welded_links = {
@@ -746,7 +751,7 @@ def _drop_dangling_joints(robot: ET.Element, report: ImportReport) -> list[_Drop
         the removed joints, in file order.
 
     Raises:
-        InvalidModel: a joint that moves an existing link has no parent link.
+        InvalidModel: a joint of a type that motors can move has an existing child link and no parent link.
     """
     links = set(names(robot, "link"))
     link_in_any_case = {link.lower(): link for link in links}

@@ -49,10 +49,15 @@ def read_sdf(
 ) -> ET.Element:
     """Convert a model in an ``sdf`` element to a ``robot`` element.
 
-    Parameters are those of :meth:`simrob_drake.importer.importer.RobotImporter.robot_element`.
+    Args:
+        root: the ``sdf`` element, which is changed: the models that it includes are inserted.
+        path: absolute path of the file.
+        options: options of the import: the folders that may be read, and the name of the model if the user chooses it.
+        report: gets an entry for each change and each loss.
 
     Raises:
         InvalidModel: the file has a defect that leaves its meaning open, or holds no robot.
+        UnknownName: there is no model of the name in the options.
     """
     includes = _Includes(MeshPlaces(path, options.mesh_path, options.package_folders), report)
     # A list, because the tree changes while its includes are replaced.
@@ -89,7 +94,7 @@ def _report_losses(model: ET.Element, report: ImportReport) -> None:
 
 
 def _choose_model(root: ET.Element, name: str, report: ImportReport) -> ET.Element:
-    """Choose the model that is the robot, and report the other models, which are left out.
+    """Choose the model that is the robot. Unless the user names it, the other models are reported as left out.
 
     Args:
         root: the ``sdf`` element.
@@ -167,12 +172,14 @@ class _Includes:
     def insert_models(self, owner: ET.Element, depth: int = 0) -> None:
         """Replace the ``include`` elements of a model or world by the models, in place.
 
+        An ``include`` whose model is missing is removed, with an entry in the report.
+
         Args:
             owner: the model or world.
             depth: count of includes that have led to it.
 
         Raises:
-            InvalidModel: a model may not be read, includes never end, or the model becomes too large.
+            InvalidModel: a model may not be read or is no XML, includes never end, or the model becomes too large.
         """
         for include in owner.findall("include"):
             # The order of models and links decides which link is the canonical one.
@@ -216,7 +223,7 @@ class _Includes:
         Raises:
             MeshMissing: there is no such file, or it contains no model.
             OutsideBorder: the file may not be read.
-            InvalidModel: the file is no XML.
+            InvalidModel: the file, or the manifest of its folder, is no XML.
         """
         file = self._find_file(uri)
         model = read_included(xml_element, file.path, self.report).find("model")
@@ -238,8 +245,9 @@ class _Includes:
         """Find the SDF file at a URI, or the main SDF file of the model's folder there.
 
         Raises:
-            MeshMissing: there is no such file or folder.
+            MeshMissing: there is no such file or folder, or the folder has no SDF file.
             OutsideBorder: the file may not be read.
+            InvalidModel: the manifest of the folder is no XML.
         """
         border = self.places.border
         scheme, separator, rest = uri.partition("://")
@@ -275,11 +283,14 @@ class _Includes:
         return _ModelFile(found, os.path.dirname(base))
 
     def _main_file(self, folder: Path) -> Path:
-        """Find the SDF file of a model's folder: the last one in its manifest, which has the newest version of SDF.
+        """Find the SDF file of a model's folder: the last one in its manifest that exists, else ``model.sdf``.
+
+        Manifests list the files by rising versions of SDF.
 
         Raises:
             MeshMissing: neither a file of the manifest nor ``model.sdf`` exists.
             OutsideBorder: the file may not be read.
+            InvalidModel: the manifest is no XML.
         """
         manifest = folder / MODEL_MANIFEST
         names = [_MAIN_FILE]

@@ -158,8 +158,8 @@ class RobotWriter:
 
     def __post_init__(self) -> None:
         where = message("importer.model_called", "model '{name}'", name=name_of(self.model))
-        # The pose of the model in the world only counts if a joint connects the two. The place of a loose robot is
-        # given by the station.
+        # The pose of the model in the world only counts if the model is static, or a joint connects it with the world.
+        # The place of a loose robot is given by the station.
         place_in_world = own_pose(self.model, self.report, where)
         self.robot = ET.Element("robot", name=name_of(self.model))
         self._frames = Frames(self.report, place_in_world)
@@ -178,7 +178,8 @@ class RobotWriter:
         """Fill the ``robot`` element, and return it.
 
         Raises:
-            InvalidModel: an element refers to a frame that does not exist, or an axis has no direction.
+            InvalidModel: an element refers to a frame that does not exist, a pose is no pose, or an axis has no
+                direction.
         """
         has_world_joint = any(WORLD in (edge.parent, edge.child) for edge in self._edges)
         # Everything grows from the world, if the file connects it with a link: the robot is then fixed there.
@@ -415,7 +416,7 @@ class RobotWriter:
             ET.SubElement(self.robot, "loop_joint", name=quoted_names)
 
     def _write_frames(self) -> None:
-        """Write the ``frame`` elements of the model, which may be tools of the robot."""
+        """Write the ``frame`` elements of the model, which may be tools of the robot. Nested models' are left out."""
         taken_names = FreeNames(name_of(link) for link in self.robot.iterfind("link"))
         for frame in self.model.iterfind("frame"):
             link = self._frames.link_of(name_of(frame))
@@ -506,9 +507,11 @@ def _ends(edge: _Edge, *, is_forward: bool) -> tuple[str, str]:
 
 
 def write_limits(joint: ET.Element, axis: ET.Element | None) -> None:
-    """Write the limits of an SDF axis into a joint of a URDF. A joint that turns without limits becomes continuous.
+    """Write the limits of an SDF axis into a joint of a URDF.
 
-    A value of the SDF counts only if its text is one finite number.
+    A joint becomes revolute if it has both limits of its position, otherwise continuous; a prismatic or screw joint
+    keeps its type. A value of the SDF counts only if its text is one finite number. Positions, efforts and velocities
+    of 1e15 or more, and negative efforts and velocities, are no limits.
 
     Args:
         joint: the joint of the URDF.
