@@ -14,7 +14,7 @@ from simrob_drake.base.extension import addition_files
 from simrob_drake.base.messages import message
 from simrob_drake.base.sections import Strict, validate_section
 from simrob_drake.base.yaml_files import is_yaml_name, read_yaml
-from simrob_drake.importer.robot_files import CORE_SUFFIXES
+from simrob_drake.importer.importer import CORE_SUFFIXES
 from simrob_drake.stations.config import StationConfig
 
 _OTHERS = Path(__file__).with_name("others.yaml")

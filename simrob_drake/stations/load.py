@@ -41,8 +41,8 @@ from simrob_drake.base.packages import Border
 from simrob_drake.base.renaming import former_argument
 from simrob_drake.base.sections import validate_section
 from simrob_drake.base.yaml_files import is_yaml_name, place_of, read_yaml
-from simrob_drake.importer.importer import SceneRequest, find_station_importer
-from simrob_drake.importer.robot_files import CORE_SUFFIXES, is_robot_file
+from simrob_drake.importer.importer import CORE_SUFFIXES, SceneRequest, find_station_importer
+from simrob_drake.importer.robot_files import is_robot_file
 from simrob_drake.stations.change_of_kind import KeyLosses, kind_of
 from simrob_drake.stations.config import NAME_OF_ONLY_ROBOT, StationConfig
 from simrob_drake.stations.file_paths import program_with_absolute_paths, with_absolute_paths
