@@ -207,7 +207,7 @@ class Runner:
         blocks: Blocks = (),
         overrides: Mapping[str, Any] | None = None,
     ) -> None:
-        """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built at the first run.
+        """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built when first needed.
 
         Raises:
             SimrobError: there is no such station, an override is invalid, or a value in `blocks` is no LeafSystem.
@@ -237,8 +237,9 @@ class Runner:
     def like(self, config: StationConfig) -> Self | None:
         """Make a runner of another station that uses the diagrams of this one, or return None if they do not fit.
 
-        The stations may differ in references, in times and sizes of pushes, in start, duration, sample rate and name.
-        The diagrams of a runner with blocks of the user's own never fit.
+        The stations may differ in the references of robots, but not in those of prescribed axes; in the times and the
+        forces of pushes; in start, duration, sample rate, name and description. The diagrams of a runner with blocks
+        of the user's own never fit.
 
         Args:
             config: the other station.
@@ -484,7 +485,8 @@ class Runner:
             The result. Its configuration names the user's blocks, and contains the commands of the run.
 
         Raises:
-            StepsDiffer: the steps that the run repeats are not the recorded ones.
+            StepsDiffer: the steps that the run repeats are not the recorded ones, or the recorded states do not fit the
+                diagram.
         """
         config = plan.config
         restart = plan.restart
@@ -513,11 +515,14 @@ class Runner:
             restart=restart,
         )
         context = stepper.simulator.get_mutable_context()
-        # Only the station's own start is checked: a state that was reached in a run may have deep contacts.
-        if origin.start is None:
-            check_start_overlap(config, stepper.built.ports, context)
-        elif restart is None:
-            origin.start.put(stepper.built.diagram, stepper.built.ports, context)
+        # With a restart, the context is already in a recorded state of the run.
+        if restart is None:
+            # Only the initial state of a station is checked: a state that was reached in a run may have deep contacts.
+            # A station with prescribed axes has a start in any case, see _start_of(), and is not checked.
+            if origin.start is None:
+                check_start_overlap(config, stepper.built.ports, context)
+            else:
+                origin.start.put(stepper.built.diagram, stepper.built.ports, context)
         whole = diagrams.whole
         run = Run(
             config,
@@ -573,7 +578,10 @@ class Runner:
 
     @drake_asserts()
     def ports(self, *, watched: bool = False) -> StationPorts:
-        """Return the ports of the diagram in which signals are evaluated. The first run uses this diagram.
+        """Return the ports of the diagram in which the signals of the runs are evaluated. It is built if needed.
+
+        Runs use this diagram unless their references are of other kinds, or their pushes at other places, than those of
+        the configuration.
 
         Args:
             watched: whether the runs have ticks, so that this diagram is stepped, too.
@@ -669,7 +677,8 @@ class Runner:
             start: state that the user gives; None for the station's own start.
 
         Returns:
-            the state, or None if the run begins in the initial state of the station.
+            the state. It is None if no state is given and no axis is prescribed: the run then begins in the initial
+            state of the station.
         """
         checked = _checked_start(config, start)
         robots = self._station.robots
@@ -758,8 +767,9 @@ class Runner:
 def _without_playable_keys(config: StationConfig) -> StationConfig:
     """Copy a configuration without the keys that its diagrams do not depend on.
 
-    Two configurations whose copies are equal can use the same diagrams: references, and times and sizes of pushes, are
-    given to them for each run; duration, sample rate and start belong to the run.
+    Two configurations whose copies are equal can use the same diagrams: references of robots, and times and forces of
+    pushes, are given to them for each run; duration, sample rate and start belong to the run. References of prescribed
+    axes are built into the diagrams, so these keys are kept.
     """
     # A robot may have a reference section of its own.
     robots = {
@@ -813,8 +823,8 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
         the state, or None if neither gives one.
 
     Raises:
-        InvalidParameter: the state has values that are no finite numbers.
-        InvalidConfig: the file of the configuration holds no state.
+        InvalidParameter: the value is no State, or has values that are no finite numbers.
+        InvalidConfig: the file of the configuration cannot be read, or holds no state.
     """
     if start is None:
         return State.at_start_of(config)
@@ -835,12 +845,13 @@ def check_state(start: State) -> None:
 class RunBranch:
     """A run up to a time, and several runs with different pushes that continue it.
 
-    The time before the branch is stepped only once. Under ``cenic`` and discrete solvers, a continued run is equal to a
-    run with the same pushes from the start, to the last bit.
+    The time before the branch is stepped once for all calls of :meth:`outcome`, and once more by the first call of
+    :meth:`run`. Under ``cenic`` and discrete solvers, a continued run is equal to a run with the same pushes from the
+    start, to the last bit.
 
     Attributes:
         at: time of the branch [s].
-        begun: end of the run up to the branch: ``completed`` if nothing ended it before.
+        begun: how the run up to the branch ended. Its ``ending`` is ``completed`` if nothing ended it before.
     """
 
     def __init__(
@@ -889,7 +900,7 @@ class RunBranch:
 
         Args:
             pushes: pushes that begin at the time of the branch or later, by name, as in :meth:`run`. They take the
-                place of all pushes of the station.
+                place of all pushes of the station, also of those that began before the branch and still act.
 
         Raises:
             InvalidParameter: a push that cannot be, or that begins before the branch.
@@ -928,7 +939,7 @@ class RunBranch:
             strict: raise an error if the result has warnings.
 
         Raises:
-            InvalidParameter: a push that begins before the branch.
+            InvalidParameter: a push that cannot be, or that begins before the branch.
             SimrobError, VerdictError: as :meth:`Runner.run`.
         """
         if self._trunk is None:

@@ -253,7 +253,8 @@ def _save_plots_of_extensions(
 ) -> list[Path]:
     """Write the plots that installed extensions make of a run.
 
-    A plot whose name is taken, or whose function fails, is left out with an ExtensionWarning.
+    A plot whose name is taken, or whose function fails, is left out with an ExtensionWarning. A function that returns
+    None has no plot of this run.
 
     Args:
         result: the run.
