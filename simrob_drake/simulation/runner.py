@@ -495,8 +495,9 @@ class Runner:
         # A relay passes commands to controllers: those of the user's functions, and those of the repeated motion.
         relay = CommandRelay(config, callbacks.commands, begin=plan.begin)
         earlier_relay = CommandRelay(config, functions_of(origin.commands), begin=origin.begin)
+        end = plan.begin + config.duration if plan.end is None else plan.end
         diagrams = self._diagrams_for(
-            config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=plan.end
+            config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=end
         )
         # The diagrams may play other references by the time at which signals are evaluated.
         references = diagrams.references
@@ -509,7 +510,7 @@ class Runner:
             diagrams.edges,
             blocks=self._blocks,
             begin=origin.begin,
-            end=plan.begin + config.duration if plan.end is None else plan.end,
+            end=end,
             ticks=plan.ticks,
             begins_in_motion=origin.begins_in_motion,
             restart=restart,
@@ -714,7 +715,7 @@ class Runner:
             origins: positions (n,) at which the configuration's references begin, by robot; None for the initial
                 posture.
             steps_whole: whether to step the whole diagram, see :class:`StationDiagrams`; it has ticks then.
-            end: end of the run [s]; None if it is the configuration's duration.
+            end: end of the run, up to which references are checked [s]; None if it is the configuration's duration.
 
         Raises:
             SimrobError: a reference does not fit its robot, or blocks of the user's own would be in two diagrams.
@@ -745,12 +746,12 @@ class Runner:
         diagrams.play(references, config.forces)
         return diagrams
 
-    def _check_references(self, references: Mapping[str, Reference], duration: float) -> None:
+    def _check_references(self, references: Mapping[str, Reference], end: float) -> None:
         """Check that robots can follow their references, and axes those that the station prescribes.
 
         Args:
             references: reference of each robot, by the robot's name.
-            duration: duration of the run [s].
+            end: end of the run [s]. References are checked from the time 0, also for a run that begins later.
 
         Raises:
             SimrobError: a reference does not fit its robot.
@@ -758,10 +759,10 @@ class Runner:
         for robot in self._station.robots.values():
             # A block of the user's own takes the place of this reference, which then moves nothing.
             if f"{robot.prefix}reference" not in self._driven:
-                check_reference(robot, references[robot.name], duration)
+                check_reference(robot, references[robot.name], end)
             # Axes whose references the station prescribes, by their index.
             for axis, reference in robot.prescribed.items():
-                check_reference(alone_on(robot, axis), reference, duration)
+                check_reference(alone_on(robot, axis), reference, end)
 
 
 def _without_playable_keys(config: StationConfig) -> StationConfig:

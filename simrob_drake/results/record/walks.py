@@ -175,7 +175,7 @@ def _cost_of_transport(
     if not is_far_enough:
         return None
     plant = result.plant.plant
-    # The mass of the robot's own links: pieces that it carries belong to other model instances.
+    # The mass of the robot with the pieces that it carries, which belong to its model instance.
     mass = plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance])
     weight = float(mass * abs(result.config.gravity))  # [N]
     return work / (weight * distance)

@@ -77,8 +77,8 @@ def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
     If a servo swings about its reference, the remedy is damping; if a motor of the robot was saturated at any time, it
     is that of this motor; if an axis still moves at the end, it is the remedy of a lag. Otherwise gravity most likely
-    causes the error: the remedy is gravity feedforward, or larger gains for servos that cannot have it or have it already. Returns
-    None for a kinematic station, and if no robot is found.
+    causes the error: the remedy is gravity feedforward, or larger gains for servos that cannot have it or have it
+    already. Returns None for a kinematic station, and if no robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
