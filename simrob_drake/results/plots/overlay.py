@@ -88,7 +88,7 @@ def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
         folders: folders of the results.
 
     Raises:
-        InvalidConfig: a folder holds no result, or a damaged one.
+        InvalidConfig: a folder holds no result, or the files of one that cannot be read, see :func:`read_signals`.
     """
     results = [read_signals(folder) for folder in folders]
     # A single result differs from no other; `read_signals` has put its gains into its name.

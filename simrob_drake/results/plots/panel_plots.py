@@ -121,7 +121,8 @@ _Panels = Mapping[Panel, Sequence[_Quantity]]
 def panel_sheets(result: RecordedRun) -> Iterator[Sheet]:
     """Yield the sheets of a run's panels, such as ``piece_<piece>``, ``sensors`` and ``controller_<name>``.
 
-    If a sheet has panels of both forms, those with a value for each axis are in ``controller_<name>_axes``.
+    If a figure has panels of both forms, those with a value for each axis are in ``controller_<name>_axes``. If several
+    robots have such panels, those of the second robot and later ones are in sheets ``controller_<name>_axes_<robot>``.
     """
     panels: dict[Panel, list[_Quantity]] = {}
     for signal in result.signals:

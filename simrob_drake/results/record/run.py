@@ -185,7 +185,8 @@ class RecordedRun:
         final_state: state of the station at the end, from which another run can begin.
         start: state at the start; None if the run began in the configuration's initial posture.
         contacts_at: yields Drake's contact results at times (k,) [s] of the run; None if the station has no contact
-            forces, as a kinematic one, and for a program of several runs or with handed-over pieces.
+            forces, as a kinematic one, for a program of several runs or with handed-over pieces, and if the engine of
+            an extension has not recorded them.
         context: returns a new context of the diagram at the end of the run, with its time and state, which may be
             changed. In a diagram of the user's own it contains the logs of log sinks. It is None in results that an
             earlier version has pickled, if the station is kinematic.

@@ -65,7 +65,7 @@ def onsets(
     step_times: Vector,
     contacts_at: Callable[[Vector], Iterator[ContactResults]],
 ) -> Iterator[Event]:
-    """Yield an event whenever two bodies begin to touch, in the order of time.
+    """Yield an event whenever two bodies begin to touch with a force, in the order of time.
 
     Bodies that touch at the start of the run have no event there. Bodies that touch again have an event only if they
     were apart for more than 0.1 s. In a run of more than 4000 steps, only every k-th step is looked at.
