@@ -719,8 +719,9 @@ class Flight:
         """Whether something may fly.
 
         It may if anything flew at the last check, or if a floating body has gained at least 0.3 of the downward speed
-        of a free fall since then. The first check of a run, which has no speeds to compare with, always returns True.
-        This test is quick, and the test of all shapes is slow. Time and speeds are kept for the next check.
+        of a free fall since then. A first check that does not continue another run has no speeds to compare with, and
+        returns True. This test is quick, and the test of all shapes is slow. Time and speeds are kept for the next
+        check.
         """
         time = root.get_time()
         last_time = self._last_time
@@ -739,7 +740,8 @@ class Flight:
     def _is_one_free(self, root: Context) -> bool:
         """Whether a floating body touches nothing but itself.
 
-        At the start, a floating body that is less than 1 mm above a body that does not float counts as touching it.
+        At the first check, unless it continues another run, a floating body that is less than 1 mm above a body that
+        does not float counts as touching it.
         If the plant has no collision shapes at all, the answer is True.
         """
         plant = self._plant

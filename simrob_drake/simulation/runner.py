@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
@@ -722,10 +722,7 @@ class Runner:
         """
         references = station_references(self._station, requested, origins)
         self._check_references(references, config.duration if end is None else end)
-        # The blocks of forces, and the bodies on which they act, are built into a diagram: other ones need another
-        # diagram.
-        force_places = [(name, force.kind, force.at) for name, force in config.forces.items()]
-        key = (steps_whole, *force_places)
+        key = (steps_whole, *_force_places(config))
         diagrams = self._diagrams.get(key)
         if diagrams is None or not diagrams.fits(references):
             # Drake lets a block be in one diagram only, and the earlier diagram has it.
@@ -763,6 +760,22 @@ class Runner:
             # Axes whose references the station prescribes, by their index.
             for axis, reference in robot.prescribed.items():
                 check_reference(alone_on(robot, axis), reference, end)
+
+
+class _ForcePlace(NamedTuple):
+    """Part of a force that is built into a diagram: its name, its kind, and the body or robot on which it acts.
+
+    ``at`` is None for the only robot.
+    """
+
+    name: str
+    kind: str
+    at: str | None
+
+
+def _force_places(config: StationConfig) -> list[_ForcePlace]:
+    """Places of a station's forces. Forces with other places need another diagram; their times and sizes do not."""
+    return [_ForcePlace(name, force.kind, force.at) for name, force in config.forces.items()]
 
 
 def _without_playable_keys(config: StationConfig) -> StationConfig:
@@ -884,14 +897,17 @@ class RunBranch:
         self._diagrams = diagrams
         self._blocks = blocks
         self._references = diagrams.references
+        self._origins = _origins(start)
         # The run up to the branch, with signals. It is made when it is needed: `outcome` needs no signals.
         self._trunk: SimulationResult | None = None
         config_until_branch = self._config.model_copy(update={"duration": at})
-        self._stepper = self._make_stepper(config_until_branch, begins_in_motion=begins_in_motion)
+        self._stepper = self._make_stepper(
+            config_until_branch, diagrams, begins_in_motion=begins_in_motion
+        )
         if start is not None:
             built = self._stepper.built
             start.put(built.diagram, built.ports, self._stepper.simulator.get_mutable_context())
-        self.begun = self._outcome(self._stepper)
+        self.begun = self._outcome(self._stepper, diagrams)
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
@@ -905,17 +921,27 @@ class RunBranch:
 
         Raises:
             InvalidParameter: a push that cannot be, or that begins before the branch.
+            SimrobError: the pushes have other names or places than those of the station, and the runner has blocks of
+                the user's own, which can be in one diagram only.
         """
         # The run ended before the branch, whatever the pushes after it.
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)
         self._check_times(pushes or {}, config.forces)
-        # The diagrams may have played the pushes of another branch since.
-        self._diagrams.play(self._references, config.forces)
-        return self._outcome(
-            self._make_stepper(config, reached=self._stepper.simulator.get_context())
-        )
+        diagrams = self._diagrams_with(config)
+        reached = self._stepper.simulator.get_context()
+        return self._outcome(self._make_stepper(config, diagrams, reached=reached), diagrams)
+
+    def _diagrams_with(self, config: StationConfig) -> StationDiagrams:
+        """Find or make the diagrams that play the references of the branch and the forces of a configuration."""
+        if _force_places(config) == _force_places(self._config):
+            # The diagrams may have played the pushes of another branch since.
+            self._diagrams.play(self._references, config.forces)
+            return self._diagrams
+        # They have the same states as those of the branch, since a push has no state.
+        requested = by_robot(config, self._reference)
+        return self._runner._diagrams_for(config, requested, self._origins)
 
     @drake_asserts()
     def run(
@@ -1008,15 +1034,20 @@ class RunBranch:
                     ),
                 )
 
-    def _make_stepper(self, config: StationConfig, **more: Any) -> Stepper:
-        """Make a stepper of the branch's diagrams. The other arguments are those of :class:`Stepper`."""
-        return Stepper(
-            config, self._diagrams.diagram_at, self._diagrams.edges, blocks=self._blocks, **more
-        )
+    def _make_stepper(
+        self, config: StationConfig, diagrams: StationDiagrams, **more: Any
+    ) -> Stepper:
+        """Make a stepper of diagrams of the station. The other arguments are those of :class:`Stepper`."""
+        return Stepper(config, diagrams.diagram_at, diagrams.edges, blocks=self._blocks, **more)
 
-    def _outcome(self, stepper: Stepper) -> Outcome:
-        """Step to the end of the stepper's run, and evaluate its monitors. Returns how it ended."""
-        recorder, watch = make_recorder(stepper, self._diagrams.whole)
+    def _outcome(self, stepper: Stepper, diagrams: StationDiagrams) -> Outcome:
+        """Step to the end of the stepper's run, and evaluate its monitors. Returns how it ended.
+
+        Args:
+            stepper: steps one of the diagrams.
+            diagrams: the diagrams, of which the whole one has the monitors' signals.
+        """
+        recorder, watch = make_recorder(stepper, diagrams.whole)
         return stepper.run(recorder, watch)
 
 

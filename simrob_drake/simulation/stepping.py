@@ -58,7 +58,10 @@ class Moment:
         return self._built.ports.outputs.value(output, self._context)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
-        """Replace the forces of the station, such as pushes, from now on."""
+        """Replace pushes and drags of the station by others of the same names and places, from now on.
+
+        Forces that are not named stay, and names that the station does not have are ignored.
+        """
         self._built.play_forces(forces)
 
     def state(self) -> State:
@@ -76,8 +79,8 @@ class Ticks:
 
     Attributes:
         every: time between two ticks [s].
-        tell: callback for each tick that is reached, before the run continues, and for the end of the run. It returns
-            True to end the run. It is not called at a tick at which a monitor ends the run.
+        tell: callback for each tick that is reached, before the run continues, and for the planned end of the run. It
+            returns True to end the run. It is not called at a tick at which a monitor ends the run.
     """
 
     every: float
@@ -136,8 +139,8 @@ class Outcome:
 
     Attributes:
         ending: how the run ended.
-        stopped_by: name of the monitor or block that ended the run, or of the function of this program that failed;
-            "diverged" or "interrupted"; None if the run was completed.
+        stopped_by: name of the monitor or block that ended the run, or of the function in which an error of Python code
+            was raised; "diverged" or "interrupted"; None if the run was completed.
         message: how and why the run ended, in words.
     """
 

@@ -132,7 +132,7 @@ class Slide:
     Attributes:
         distances: distance that the foot slid in each interval, shape (m - 1,) for m looks [m]; 0 if it was not in
             contact.
-        in_contact: whether, in each interval, the same point of the foot touched the ground at both ends, shape
+        in_contact: whether, in each interval, one and the same point of the foot touched the ground at both ends, shape
             (m - 1,). A foot that touched with one point before, and with another one after, does not count.
     """
 

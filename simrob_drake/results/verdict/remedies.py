@@ -477,9 +477,10 @@ def _damping_of_swing(run: RecordedRun, robot: StationRobot) -> Remedy | None:
 
 
 def _swings(run: RecordedRun, robot: StationRobot, index: int) -> bool:
-    """Whether an axis swings about its resting reference without becoming much smaller swings.
+    """Whether an axis swings about its reference, which rests, and does not calm down.
 
-    It does if, since the reference last moved, more than four swings reach at least half as far as the farthest one.
+    It does not if, since the reference last moved, more than four swings reach at least half as far as the farthest
+    one. Swings of less than 1e-3 (rad or m) do not count.
 
     Args:
         run: the run.
