@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
+from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import Runner, State, load_station, simulate, simulate_diagram
 from simrob_drake.base.errors import InvalidParameter, SimrobError
@@ -291,6 +292,21 @@ def test_a_late_run_is_drawn_and_saved(tmp_path):
     assert '"begin": 0.3, "end": 0.6' in page
     assert late.verdict.ended
     assert late.realtime_rate == pytest.approx(0.3 / late.wall_time)
+
+
+def test_a_late_run_is_saved_with_its_reference_up_to_its_end(tmp_path):
+    """Times of a reference count from 0, so that a table as long as the run alone would end too early."""
+    positions = np.outer(np.ones(6), [0.0, 0.2])
+    reference = PiecewisePolynomial.FirstOrderHold([0.0, 0.4], positions)
+    runner = Runner("irb120_kinematic")
+    first = runner.run(reference=reference, duration=0.2)
+    late = runner.run(reference=reference, duration=0.2, start=first.final_state, start_time="keep")
+
+    folder = late.save(tmp_path / "late", recording=False)
+
+    table = np.loadtxt(folder / "reference.csv", delimiter=",", skiprows=1)
+    assert table[-1, 0] == pytest.approx(0.4)
+    np.testing.assert_allclose(table[-1, 1:7], 0.2)
 
 
 RESUME = """

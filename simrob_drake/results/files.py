@@ -296,8 +296,8 @@ def _sampled_reference(
     if isinstance(passed, tuple):
         return _SampledReference(passed, joined_by)
     if passed is not None:
-        # A trajectory is sampled from the time 0 over the duration of the run.
-        table = as_reference(passed).table(config.duration)
+        # The table has the times from 0 to the planned end of the run, which may have begun later than 0.
+        table = as_reference(passed).table(result.start_time + config.duration)
         return _SampledReference((table.times, table.values), table.interpolation)
     configured = config.reference_of(robot)
     if isinstance(configured, Table):

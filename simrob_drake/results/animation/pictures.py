@@ -426,7 +426,7 @@ class Studio:
             widest: largest width over height, if the width follows from the motion.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         self._result = result
         self.robot_displacement = walked_displacement(result)
@@ -469,7 +469,7 @@ class Still:
         """Set the camera up for a station.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         around = np.array([[-_AROUND, -_AROUND, 0.0], [_AROUND, _AROUND, 0.0]])
         self._scene = ViewedStation(

@@ -93,7 +93,7 @@ class ViewedStation(PosedStation):
             path: positions that a robot passes, shape (k, 3) [m]. Images have lines on the floor along them.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         self.visualizer: MeshcatVisualizer | None = None
 
