@@ -120,6 +120,20 @@ def test_a_branch_of_a_solver_with_memory_and_pushes():
     )
 
 
+def test_a_branch_is_continued_by_pushes_of_other_names_or_none():
+    """Pushes that the station does not have act, and those of the station that are left out do not."""
+    push = {"start": 0.3, "duration": 0.15, "force": [0, 400, 0]}
+    of_station = {"kind": "push", **push}
+    pushed = Runner("humanoid_dynamic", overrides={"duration": 0.6, "forces.shove": of_station})
+    branch = pushed.branch(0.25)
+    assert branch.outcome({}).ending == "completed"
+    assert branch.outcome({"shove": push}).stopped_by == "fall"
+
+    branch = Runner("humanoid_dynamic", overrides={"duration": 0.6}).branch(0.25)
+    assert branch.outcome({"nudge": push}).stopped_by == "fall"
+    assert branch.outcome({}).ending == "completed"
+
+
 def test_fork_is_a_former_name():
     runner = Runner("bouncing_ball")
     with pytest.warns(DeprecationWarning, match=r"now Runner.branch\(\)"):

@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from pydrake.systems.analysis import Simulator
 from pydrake.systems.framework import LeafSystem
+from pydrake.trajectories import PiecewisePolynomial
 
 from simrob_drake import Runner, State, load_station, simulate, simulate_diagram
-from simrob_drake.base.errors import SimrobError
+from simrob_drake.base.errors import InvalidParameter, SimrobError
 from simrob_drake.results.record.history import StateHistory
 from simrob_drake.simulation.resume import RepeatedSteps, StepsDiffer
 from simrob_drake.stations.closed import closed_station
@@ -293,6 +294,21 @@ def test_a_late_run_is_drawn_and_saved(tmp_path):
     assert late.realtime_rate == pytest.approx(0.3 / late.wall_time)
 
 
+def test_a_late_run_is_saved_with_its_reference_up_to_its_end(tmp_path):
+    """Times of a reference count from 0, so that a table as long as the run alone would end too early."""
+    positions = np.outer(np.ones(6), [0.0, 0.2])
+    reference = PiecewisePolynomial.FirstOrderHold([0.0, 0.4], positions)
+    runner = Runner("irb120_kinematic")
+    first = runner.run(reference=reference, duration=0.2)
+    late = runner.run(reference=reference, duration=0.2, start=first.final_state, start_time="keep")
+
+    folder = late.save(tmp_path / "late", recording=False)
+
+    table = np.loadtxt(folder / "reference.csv", delimiter=",", skiprows=1)
+    assert table[-1, 0] == pytest.approx(0.4)
+    np.testing.assert_allclose(table[-1, 1:7], 0.2)
+
+
 RESUME = """
 import pickle, sys
 from simrob_drake import Runner
@@ -351,3 +367,28 @@ def test_every_repeated_step_is_compared_up_to_the_last_that_the_end_did_not_cha
 @pytest.mark.parametrize("changed_row", [0, 4, 5])
 def test_steps_before_the_repeated_ones_and_after_them_may_differ(changed_row):
     compare_repeated_steps(changed_row, change=1.0)
+
+
+def test_the_reference_of_a_run_that_keeps_its_time_is_checked_up_to_its_end():
+    """The reference leaves the limits of the joints after the first run, and before the end of the second one."""
+    runner = Runner("irb120_dynamic")
+    reference = (np.array([0.0, 0.1, 0.2]), np.array([np.zeros(6), np.zeros(6), np.full(6, 10.0)]))
+    first = runner.run(reference=reference, duration=0.1)
+
+    with pytest.raises(InvalidParameter, match="within the joint's limits"):
+        runner.run(reference=reference, duration=0.1, start=first.final_state, start_time="keep")
+
+
+def test_only_the_start_of_a_motion_is_checked_for_overlaps(monkeypatch):
+    """A run that is resumed begins within the motion, where an impact may press bodies deep into each other."""
+    checked_times = []
+    monkeypatch.setattr(
+        "simrob_drake.simulation.runner.check_start_overlap",
+        lambda config, ports, root: checked_times.append(root.get_time()),
+    )
+    runner = Runner("bouncing_ball")
+    part = runner.run(duration=0.3)
+
+    runner.resume(part, until=0.4)
+
+    assert set(checked_times) == {0.0}

@@ -107,7 +107,7 @@ def save_result(
 
     Raises:
         InvalidParameter: there are fewer than two frames.
-        OutputError: the folder exists, or cannot be written.
+        OutputError: the folder exists and may not be replaced, or cannot be written.
         UnknownName: the format of the plots is unknown.
     """
     # Modules that draw are imported where they are needed, since they take long to load and most commands do not draw.
@@ -211,7 +211,10 @@ def write_table(file: Path, names: list[str], times: Vector, values: Vector) -> 
 
 
 def _station_remarks(result: RecordedRun) -> str:
-    """Comments for the head of ``station.yaml``, on what a run of the file repeats; empty if it repeats everything."""
+    """Comments for the head of ``station.yaml``, if the run was in a diagram of the user's own or began after 0 s.
+
+    They say in what a run of the file differs from this run. For other runs the text is empty.
+    """
     remarks = []
     if result.in_own_diagram:
         remarks.append(
@@ -293,8 +296,8 @@ def _sampled_reference(
     if isinstance(passed, tuple):
         return _SampledReference(passed, joined_by)
     if passed is not None:
-        # A trajectory is sampled up to the end of the run.
-        table = as_reference(passed).table(config.duration)
+        # The table has the times from 0 to the planned end of the run, which may have begun later than 0.
+        table = as_reference(passed).table(result.start_time + config.duration)
         return _SampledReference((table.times, table.values), table.interpolation)
     configured = config.reference_of(robot)
     if isinstance(configured, Table):

@@ -43,7 +43,7 @@ class Footage:
             camera: a camera of its station.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         self._result = result
         self._camera = camera

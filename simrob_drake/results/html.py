@@ -23,29 +23,29 @@ def html_table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def html_of_remarks(sentence: str, remarks: Sequence[Remark], rows: Sequence[Sequence[str]]) -> str:
-    """Write a verdict in HTML: a sentence, the warnings with their remedies, and the table of criteria.
+    """Write a verdict in HTML: a sentence, the further remarks with their remedies, and the table of criteria.
 
-    The table is left out if there are no warnings.
+    The table is left out if there are no further remarks.
 
     Args:
         sentence: the sentence that sums the run up; it is left out if it is empty.
         remarks: remarks of the verdict. The first gives the severity, and so the colour, of the sentence; the others
-            are the warnings.
+            are warnings and notes.
         rows: rows of the table of criteria, with its headings first.
     """
-    summary, *warnings = remarks
+    summary, *further = remarks
     lines = [_colour_text(capitalize(sentence), summary.severity)]
-    for warning in warnings:
+    for remark in further:
         # Colour alone would not show the severity to people who do not see colours.
-        text = f"{warning.severity}: {warning.text}"
-        if warning.remedy is not None:
-            text += f". {capitalize(warning.remedy.text)}"
-            settings = ", ".join(warning.remedy.settings)
+        text = f"{remark.severity}: {remark.text}"
+        if remark.remedy is not None:
+            text += f". {capitalize(remark.remedy.text)}"
+            settings = ", ".join(remark.remedy.settings)
             text += f" ({settings})" if settings else ""
-        lines.append(_colour_text(text, warning.severity))
+        lines.append(_colour_text(text, remark.severity))
     page = f"<p>{'<br>'.join(line for line in lines if line)}</p>"
-    # The table of a run without warnings would only repeat that all is within bounds.
-    return page + html_table(rows) if warnings else page
+    # The table of a run without further remarks would only repeat that all is within bounds.
+    return page + html_table(rows) if further else page
 
 
 def _table_row(cells: Sequence[str], tag: str) -> str:

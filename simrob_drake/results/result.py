@@ -3,10 +3,10 @@
 A *program* is a sequence of runs. Each run begins in the state in which the one before ended. `join_runs` makes one
 result of them; nothing is simulated again.
 
-A *handed-over piece* is a piece that hangs on different things in these runs, such as a workpiece that a gripper grasps
-and releases. Its joints differ from run to run, so the runs have different plants. The plant of the program is a
-further one, in which handed-over pieces are free bodies. They are put at the poses that the plants of the runs give
-them, so that plots and recordings show them like any free piece.
+A *handed-over piece* is a piece that hangs on different things in these runs, or on the same thing at different poses,
+such as a workpiece that a gripper grasps and releases. Its joints differ from run to run, so the runs have different
+plants. The plant of the program is a further one, in which handed-over pieces are free bodies. They are put at the
+poses that the plants of the runs give them, so that plots and recordings show them like any free piece.
 """
 
 from base64 import b64encode
@@ -173,9 +173,10 @@ class SimulationResult(RecordedRun):
             contains the logs of your log sinks.
         start_time: time of the first sample [s].
         stop_time: time of the last sample [s].
-        step_times: ends of the accepted steps of the solver [s].
+        step_times: start of the run, and the ends of the accepted steps of the solver [s].
         positions_at: function that computes the plant's positions (k, nq) at times (k,) [s] of the run.
-        contacts_at: function that yields Drake's contact results at times (k,) [s]; None if the station has no contact.
+        contacts_at: function that yields Drake's contact results at times (k,) [s]; None if the station has no contact
+            forces, and for a program of several runs or with handed-over pieces.
         images: images of the cameras, by the name of the camera.
 
     All further attributes are listed at :class:`simrob_drake.results.record.run.RecordedRun`.
@@ -261,11 +262,14 @@ class SimulationResult(RecordedRun):
 
     @property
     def remarks(self) -> list[Remark]:
-        """Remarks about the run with severity and remedy: the sentence of its verdict, then one for each warning."""
+        """Remarks about the run with severity and remedy: the sentence of its verdict, then warnings and notes.
+
+        A run that failed has the sentence only.
+        """
         return self.verdict.remarks
 
     def __repr__(self) -> str:
-        """Three lines: how the run ended, how much was recorded, and the warnings or the sentence of the verdict."""
+        """Three lines: how the run ended, how much was recorded, and the warnings, or else the verdict's judgement."""
         samples = (
             f"{len(self.times)} samples of {len(self.names)} columns to {self.stop_time:.4g} s"
         )

@@ -60,7 +60,7 @@ def load_result(folder: Path | str) -> SavedResult:
         folder: the folder.
 
     Raises:
-        InvalidConfig: the folder holds no result, or a damaged one.
+        InvalidConfig: the folder holds no result, or its signals or its summary cannot be read.
     """
     # The signals come from signals.csv; the summary has everything that is not a signal.
     path = as_path(folder, "folder")
@@ -94,7 +94,7 @@ def plot_results(
         the figure.
 
     Raises:
-        InvalidConfig: a folder holds no result.
+        InvalidConfig: a folder holds no result, or one that cannot be read.
         InvalidParameter: there is no result, one of another type, another count of labels than of results, or nothing
             to draw.
         UnknownName: no result has a signal of this name.
@@ -136,7 +136,7 @@ def _signals_of(result: AnyResult) -> SavedSignals:
     The name of a run has the gains of its first robot, since runs of the same station would have equal names.
 
     Raises:
-        InvalidConfig: the folder holds no result.
+        InvalidConfig: the folder holds no result, or one that cannot be read.
         InvalidParameter: the value is no result.
     """
     if isinstance(result, SavedSignals):

@@ -99,7 +99,7 @@ class StationDiagrams:
         self._play(references, forces)
 
     def forget(self) -> None:
-        """Remove the trajectories from the sources of all diagrams, since they may take much memory."""
+        """Remove the references from the sources of all built diagrams, since trajectories may take much memory."""
         # A source must play something: a constant posture takes no memory.
         nothing = {
             robot.name: hold(np.zeros(len(robot.axes))) for robot in self._station.robots.values()
@@ -135,7 +135,9 @@ class StationDiagrams:
     def diagram_at(self, time: float) -> ClosedStation:
         """Return the diagram that is stepped from a time on [s], up to the next of :attr:`edges`.
 
-        It is the diagram with the fewest blocks that gives the same motion.
+        It is the whole diagram if there are blocks of the user's own, or with ``steps_whole``. Otherwise it is a lean
+        one: the one without forces under a scheme that holds inputs over a step, if all forces are pushes and none of
+        them acts now, and else the one with forces.
         """
         # A block of the user's own can be in one diagram only.
         if self._blocks or self._steps_whole:
@@ -164,7 +166,7 @@ class StationDiagrams:
 
     @cached_property
     def _lean_without_forces(self) -> ClosedStation:
-        """The diagram without sensors that only report, and without forces."""
+        """The diagram without sensors that only report, and without forces of any kind."""
         return self._build(sensors=self._stepped_sensors(), has_forces=False)
 
     def _stepped_sensors(self) -> list[str]:

@@ -48,8 +48,8 @@ def simulate_diagram(
         duration: length of the run, in place of that of the station's configuration [s].
         context: context of the diagram in which the run begins, at the time of the context. The run advances it, as
             ``Simulator(diagram, context)`` does: afterwards it is at the end of the run, and contains the logs of your
-            log sinks, as in ``sink.FindLog(context)``. If it is None, the run begins in a default context.
-            ``result.context()`` returns a copy of it at the end of the run.
+            log sinks, as in ``sink.FindLog(context)``. Without a context and a start, the run begins in a default
+            context. ``result.context()`` returns a copy of the context at the end of the run.
         start: state in which the run begins, in place of a context: the ``final_state`` of a result of this diagram,
             which may come from another process, by pickle.
         start_time: ``keep`` begins at the time of ``start``, and ``zero`` at 0 s.
@@ -177,13 +177,16 @@ def _context_at_begin(
         ports: ports of the station in it.
         context: the user's context; None if there is none.
         start: the user's state; None if there is none.
-        start_time: ``keep`` or ``zero``, as in :func:`simulate_diagram`. It has no effect on a context.
+        start_time: ``keep`` or ``zero``, as in :func:`simulate_diagram`. With a context it must be ``zero``, and has no
+            effect: the run begins at the time of the context.
 
     Returns:
         The context of the user itself, which the run advances, or a new one.
 
     Raises:
-        InvalidParameter: there are a context and a state, or one that does not fit the diagram, or no time to keep.
+        InvalidParameter: there are a context and a state, or one that does not fit the diagram, or ``start_time`` is
+            ``keep`` without a state.
+        UnknownName: ``start_time`` has another value.
     """
     keeps_time = one_of("start_time", start_time, get_args(StartTime)) == "keep"
     # A context is at its own time in any case, so only the time of a state can be kept.
@@ -270,8 +273,8 @@ def _with_signals(
     extended = replace(ports, outputs=ports.outputs.make_copy())
     for name, port in signals.items():
         place = message("simulation.signal_called", "signals: {name}", name=name)
-        # Both the part before the last dot and the part behind it have at least one letter. The slice leaves out the
-        # dot itself, the second of the three parts.
+        # Both the part before the last dot and the part behind it have at least one character. The slice leaves out
+        # the dot itself, the second of the three parts.
         is_name = isinstance(name, str) and all(name.rpartition(".")[::2])
         if not is_name:
             example = message(

@@ -57,7 +57,8 @@ _LOOKS = 3
 """Count of the measurements of a cost."""
 
 _HALF = 0.5
-"""A part is to blame if it takes at least this share of the cost of a step [1]."""
+"""A part is to blame if it takes more than this share of the cost of a step. Steps shorter than this share of the
+largest length are limited by the accuracy [1]."""
 
 _LONGEST = 1e3
 """Limit of a trial, in simulated time [s]."""
@@ -158,7 +159,8 @@ class Slow:
     def _blamed_pair(self) -> Pair | None:
         """Find the two bodies whose contact makes the run slow. Returns None if no contact does.
 
-        If no trials are possible, because of blocks of the user's own, any two bodies that touch are returned.
+        Of the pairs, only the four that touch in most steps of a trial are examined one by one. If no trials are
+        possible, because of blocks of the user's own, any two bodies that touch now are returned, or None.
         """
         if self.config.contact is None:
             return None
@@ -171,7 +173,7 @@ class Slow:
         )
         if not counts or self._distance_reached(counts) < _GAIN * baseline:
             return None
-        # Without all contacts the run is fast. The pair whose removal helps most is to blame.
+        # Without all contacts the run is fast. To blame is, of the most frequent pairs, that whose removal helps most.
         most_frequent = [pair for pair, _ in counts.most_common(_MOST)]
         reached = {pair: self._distance_reached([pair]) for pair in most_frequent}
         return max(reached, key=reached.__getitem__)
@@ -256,7 +258,7 @@ class Slow:
             )
         # Nothing dominates: only fewer, longer steps help.
         if controlled is not None and self.step < _HALF * controlled.max_step:
-            # The steps are shorter than allowed, so the accuracy limits them.
+            # The steps are much shorter than allowed, so the accuracy limits them.
             key = "accuracy"
         else:
             key = self.config.solver.step_key
@@ -265,7 +267,7 @@ class Slow:
         )
 
     def _expenses(self) -> list[Expense]:
-        """Measure the costs of finding contacts, if there are any, and of each block that samples, such as a camera."""
+        """Measure the costs of finding contacts, if contact forces act, and of each block that samples, as a camera."""
         expenses = []
         if self.config.contact is not None and self.config.engine.moves_by_forces:
             has_surfaces = self.config.contact.model != "point"
@@ -439,12 +441,13 @@ class SlowRunWarning(RuntimeWarning):
 def creeping(config: StationConfig, times: Sequence[float], end: float) -> str:
     """Describe that a run creeps, in words. Returns an empty text if it does not.
 
-    A run does not creep if its solver has steps of a fixed length, or before it has made a hundred steps.
+    A run creeps if the mean length of its last hundred steps is below 1e-5 s. It does not if its solver has steps of a
+    fixed length, or before it has made a hundred steps.
 
     Args:
         config: configuration of the station.
-        times: ends of the steps so far, or at least of the last hundred [s].
-        end: planned end of the run [s].
+        times: start of the run and ends of the steps so far, or at least the last 101 of these times [s].
+        end: planned end of the run [s], only for the time that is left in the text.
     """
     if controlled_by(config) is None or len(times) <= _OVER:
         return ""
@@ -474,7 +477,7 @@ class _Clocks(NamedTuple):
 class PaceWatch:
     """Callback after each step of a run. It measures the pace, reports progress, and warns once if the run is slow.
 
-    The pace is measured in periods of five seconds by a clock.
+    The pace is measured in periods of at least five seconds by a clock, without pauses such as those of a debugger.
     """
 
     def __init__(
@@ -522,7 +525,7 @@ class PaceWatch:
     def __call__(self, context: Context) -> None:
         """Evaluate the step that has just ended: show the progress, and warn once if the run is slow.
 
-        The first call is the start of the run, which is no step.
+        The first call, at the start of the run, begins the first period. It is counted like a step.
 
         Args:
             context: context of the diagram that is stepped.
@@ -587,7 +590,7 @@ class PaceWatch:
         )
 
     def _count_step(self) -> None:
-        """Count a step and, about every 20 ms, add the elapsed times to those of the period unless it was a pause."""
+        """Count a step. Once 20 ms have passed, add the elapsed times to those of the period, unless it was a pause."""
         # Steps are counted always. The processor's time is read seldom: reading it takes as long as a step of a small
         # station.
         self._steps += 1
@@ -619,16 +622,17 @@ CHECKS_KEPT = 12
 
 # Contacts push only where shapes overlap, and a robot that is placed on the floor does not overlap it yet.
 _JUST_OVER = 1e-3
-"""A body that is this far above another one at the start counts as touching it [m]."""
+"""A floating body that is this far above a body that does not float counts as touching it at the start [m]."""
 
 _FALLS = 0.3
-"""All shapes are checked only if a body gains downward speed at this share of gravity [1]."""
+"""While nothing flies, all shapes are checked only if a body gains downward speed at this share of gravity [1]."""
 
 
 class Flight:
-    """Limits the steps of ``cenic`` while a robot or a free piece touches nothing but itself.
+    """Limits the steps of ``cenic`` while a *floating* body touches nothing but itself.
 
-    The steps of ``cenic`` are first-order: while something flies, nothing else limits their error.
+    A floating body is a free piece, or a robot on a free base with all of its links. The steps of ``cenic`` are
+    first-order: while something flies, nothing else limits their error.
     """
 
     def __init__(
@@ -712,10 +716,12 @@ class Flight:
             bound_steps(simulator, self._solver)
 
     def _may_fly(self, root: Context) -> bool:
-        """Whether something may fly: it did at the last check, or its downward speed has grown since then.
+        """Whether something may fly.
 
-        This test is quick, and the test of all shapes is slow. Time and speeds are kept for the next check. The first
-        check, which has none to compare with, always returns True.
+        It may if anything flew at the last check, or if a floating body has gained at least 0.3 of the downward speed
+        of a free fall since then. A first check that does not continue another run has no speeds to compare with, and
+        returns True. This test is quick, and the test of all shapes is slow. Time and speeds are kept for the next
+        check.
         """
         time = root.get_time()
         last_time = self._last_time
@@ -734,8 +740,9 @@ class Flight:
     def _is_one_free(self, root: Context) -> bool:
         """Whether a floating body touches nothing but itself.
 
-        At the start, a body that is just above another one counts as touching it. Without any collision shapes the
-        answer is True.
+        At the first check, unless it continues another run, a floating body that is less than 1 mm above a body that
+        does not float counts as touching it.
+        If the plant has no collision shapes at all, the answer is True.
         """
         plant = self._plant
         context = plant.GetMyMutableContextFromRoot(root)

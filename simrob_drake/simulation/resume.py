@@ -63,7 +63,7 @@ def restarts_of(trace: Trace, config: StationConfig) -> list[Restart]:
         config: configuration of the station.
 
     Returns:
-        the restarts; empty if too few steps are recorded.
+        the restarts; empty if too few steps are recorded, or if none of the recorded checks of flight is early enough.
     """
     history = trace.history
     # At least so many steps before `free_row`, the last row that does not depend on when the run ended, are repeated.
@@ -142,7 +142,10 @@ class RepeatedSteps:
 
 
 def _are_equal(history: StateHistory, other: StateHistory) -> bool:
-    """Whether two histories of a diagram have the same times and states, to the last bit. NaN is equal to nothing."""
+    """Whether two histories of a diagram have the same times, continuous and discrete states, to the last bit.
+
+    NaN is equal to nothing. Abstract values are not compared.
+    """
     pairs = [(history.times, other.times), (history.continuous, other.continuous)]
     pairs += list(zip(history.discrete, other.discrete, strict=True))
     # A tolerance would hide a difference that grows later: contacts amplify the smallest one.

@@ -1,8 +1,8 @@
 """One run of a station: check the caller's arguments, step the station, evaluate its signals, and make the result.
 
-A run uses two diagrams of the station. The *stepped* diagram contains only what affects the motion. The *whole* diagram
-has the same states, and also the blocks that compute signals. Signals are evaluated in it after the run, from the
-recorded states.
+The *stepped* diagram of a run contains only what affects the motion. It may be another one from a time on, see
+`StationDiagrams`. The *whole* diagram has the same states, and also the blocks that compute signals; it may be the
+stepped one, too. Signals are evaluated in it after the run, from the recorded states.
 
 A *recorder* keeps the states after each step: the *history*, one row for each. A *watch* evaluates the monitors, which
 may end a run. A *sampler* evaluates signals at recorded states. A run may *repeat* recorded steps of an earlier run
@@ -73,7 +73,8 @@ class Run:
         config: configuration of the station in this run.
         whole: the diagram in which signals are evaluated.
         stepper: steps the stepped diagram.
-        prepare: restores the references of this run in the whole diagram, which may have served another run since.
+        prepare: restores the references and forces of this run in the whole diagram, which may have served another run
+            since. None if the diagram serves this run alone.
         forget: removes the references from all diagrams, so that only one copy is kept in memory.
         begin: start of the run, in simulated time [s].
         restart: recorded step at which stepping begins; None if it begins at the start of the run or of the motion. The
@@ -125,8 +126,11 @@ class Run:
             repeat_commands: such a callback that gives the commands of the repeated run again; None if it had none.
 
         Raises:
-            StepsDiffer: the run continues another one, but the steps that it repeats differ, or end early.
-            KeyboardInterrupt: the user interrupted the run within the steps that it repeats.
+            StepsDiffer: the run continues another one, but the steps that it repeats differ, or a monitor, a failure or
+                a divergence ended it before `begin`.
+            KeyboardInterrupt: the user interrupted the run before `begin`, or the callback of a tick ended it there; or
+                the user interrupted the evaluation of the signals twice.
+            Exception: a callback of the user has raised it.
         """
         repeated = (
             None if self.repeated is None else RepeatedSteps(self.repeated, self.stepper.begin)
@@ -160,7 +164,7 @@ class Run:
             outcome = self.stepper.run(recorder, watch)
             stepping_time = perf_counter() - began
         stop = watch.stop if outcome.ending == "monitor" else None
-        # The run ended within the steps that are repeated, before it has begun itself: there is no result.
+        # The run ended within the steps that are repeated, before `begin`: it has no state of its own, and no result.
         if self._ended_at(recorder, stop) < self.begin:
             # The earlier run got further, so this run differs from it, such as by a monitor or a block. Otherwise the
             # user has interrupted it, or a tick has ended it.
@@ -383,15 +387,17 @@ class Run:
     def _sample(self, sampler: Sampler, outcome: Outcome) -> SignalSamples:
         """Evaluate all signals of the run.
 
-        If a block of the user's own fails, the history of the sampler is shortened to the samples before the failure,
-        and the signals are evaluated once more. A failure in a run that has failed already is raised.
+        If Python code fails, such as a block of the user's own, the history of the sampler is shortened to the samples
+        before the failure, and the signals are evaluated once more. A failure in a run that has failed already is
+        raised.
 
         Args:
             sampler: evaluates the whole diagram. Its history may be shortened.
             outcome: how the stepping ended.
 
         Raises:
-            Exception: the error of the evaluation, if no block is to blame or the run has failed already.
+            Exception: the error of the evaluation, if no such code is to blame, see `Stepper.failure_outcome`, or if
+                the run has failed already.
         """
         times = sample_times(sampler.history.end, self.config.sample_rate, begin=self.begin)
         try:
@@ -399,7 +405,7 @@ class Run:
         except Exception as problem:
             time_of_failure = sampler.looked_at.get_time()
             failed = self.stepper.failure_outcome(problem, sampler.looked_at, time_of_failure)
-            # No block is to blame, or a block has failed again: a shorter history does not help.
+            # No Python code is to blame, or it has failed again: a shorter history does not help.
             if failed is None or outcome.ending == FAILED:
                 raise
         # The sample at the failure itself has no value.
@@ -491,7 +497,7 @@ def sample_times(end: float, rate: float, *, begin: float = 0.0) -> Vector:
     """Times of the samples of a run, shape (m,) [s]: evenly spaced, and the start and the end of the run.
 
     The even times are multiples of the sample time, also for a run that does not begin at 0. A multiple that is at the
-    start but for rounding is left out.
+    start but for rounding is left out. So the first and the last interval may be shorter than the others.
 
     Args:
         end: end of the run [s].
@@ -538,10 +544,10 @@ def with_pushes(config: StationConfig, pushes: Mapping[str, Any] | None) -> Stat
     Args:
         config: the configuration.
         pushes: the new pushes by name, each a `Push` or a mapping of its keys. If it is None, the configuration is
-            returned as it is. Forces of other kinds stay.
+            returned as it is. Forces of other kinds stay, but for those whose name a new push has.
 
     Raises:
-        InvalidParameter: a push is invalid.
+        InvalidParameter: a push is invalid, or `pushes` is no mapping.
     """
     if pushes is None:
         return config
@@ -616,13 +622,15 @@ def by_robot(config: StationConfig, reference: Any) -> dict[str, Reference | Sam
 
 
 def _trajectory_or_samples(reference: Any) -> Reference | Samples:
-    """Check the type and the shape of one reference of a user. Whether it fits a robot is not checked here.
+    """Check the type and the dimensions of one reference of a user.
+
+    Whether it fits a robot is not checked here, nor whether there are as many positions as times.
 
     Args:
         reference: a `ReferenceLike`, unchecked.
 
     Returns:
-        a trajectory as it is; arrays as a pair of times (m,) [s] and positions (m, n) [rad or m].
+        a trajectory, or a reference of this package, as it is; arrays as a pair of times and positions [rad or m].
 
     Raises:
         InvalidParameter: the reference has another type or shape.
@@ -665,7 +673,7 @@ def _trajectory_or_samples(reference: Any) -> Reference | Samples:
 def _split(rows: Vector) -> tuple[Vector, Vector]:
     """Split an array (m, 1 + n) into times (m,) and positions (m, n).
 
-    An array of another shape is returned twice, and refused by the caller.
+    An array without two dimensions, or without any number, is returned twice, and refused by the caller.
     """
     if rows.ndim != 2 or not rows.size:
         return rows, rows

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import dataclass, replace
-from typing import Any, Literal, Self, get_args
+from typing import Any, Literal, NamedTuple, Self, get_args
 
 import numpy as np
 from pydrake.systems.framework import LeafSystem
@@ -207,7 +207,7 @@ class Runner:
         blocks: Blocks = (),
         overrides: Mapping[str, Any] | None = None,
     ) -> None:
-        """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built at the first run.
+        """Take a station, blocks and overrides as :func:`simulate` does; its diagrams are built when first needed.
 
         Raises:
             SimrobError: there is no such station, an override is invalid, or a value in `blocks` is no LeafSystem.
@@ -237,8 +237,9 @@ class Runner:
     def like(self, config: StationConfig) -> Self | None:
         """Make a runner of another station that uses the diagrams of this one, or return None if they do not fit.
 
-        The stations may differ in references, in times and sizes of pushes, in start, duration, sample rate and name.
-        The diagrams of a runner with blocks of the user's own never fit.
+        The stations may differ in the references of robots, but not in those of prescribed axes; in the times and the
+        forces of pushes; in start, duration, sample rate, name and description. The diagrams of a runner with blocks
+        of the user's own never fit.
 
         Args:
             config: the other station.
@@ -484,7 +485,8 @@ class Runner:
             The result. Its configuration names the user's blocks, and contains the commands of the run.
 
         Raises:
-            StepsDiffer: the steps that the run repeats are not the recorded ones.
+            StepsDiffer: the steps that the run repeats are not the recorded ones, or the recorded states do not fit the
+                diagram.
         """
         config = plan.config
         restart = plan.restart
@@ -493,8 +495,9 @@ class Runner:
         # A relay passes commands to controllers: those of the user's functions, and those of the repeated motion.
         relay = CommandRelay(config, callbacks.commands, begin=plan.begin)
         earlier_relay = CommandRelay(config, functions_of(origin.commands), begin=origin.begin)
+        end = plan.begin + config.duration if plan.end is None else plan.end
         diagrams = self._diagrams_for(
-            config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=plan.end
+            config, plan.requested, plan.origins, steps_whole=plan.ticks is not None, end=end
         )
         # The diagrams may play other references by the time at which signals are evaluated.
         references = diagrams.references
@@ -507,17 +510,20 @@ class Runner:
             diagrams.edges,
             blocks=self._blocks,
             begin=origin.begin,
-            end=plan.begin + config.duration if plan.end is None else plan.end,
+            end=end,
             ticks=plan.ticks,
             begins_in_motion=origin.begins_in_motion,
             restart=restart,
         )
         context = stepper.simulator.get_mutable_context()
-        # Only the station's own start is checked: a state that was reached in a run may have deep contacts.
-        if origin.start is None:
-            check_start_overlap(config, stepper.built.ports, context)
-        elif restart is None:
-            origin.start.put(stepper.built.diagram, stepper.built.ports, context)
+        # With a restart, the context is already in a recorded state of the run.
+        if restart is None:
+            # Only the initial state of a station is checked: a state that was reached in a run may have deep contacts.
+            # A station with prescribed axes has a start in any case, see _start_of(), and is not checked.
+            if origin.start is None:
+                check_start_overlap(config, stepper.built.ports, context)
+            else:
+                origin.start.put(stepper.built.diagram, stepper.built.ports, context)
         whole = diagrams.whole
         run = Run(
             config,
@@ -573,7 +579,10 @@ class Runner:
 
     @drake_asserts()
     def ports(self, *, watched: bool = False) -> StationPorts:
-        """Return the ports of the diagram in which signals are evaluated. The first run uses this diagram.
+        """Return the ports of the diagram in which the signals of the runs are evaluated. It is built if needed.
+
+        Runs use this diagram unless their references are of other kinds, or their pushes at other places, than those of
+        the configuration.
 
         Args:
             watched: whether the runs have ticks, so that this diagram is stepped, too.
@@ -669,7 +678,8 @@ class Runner:
             start: state that the user gives; None for the station's own start.
 
         Returns:
-            the state, or None if the run begins in the initial state of the station.
+            the state. It is None if no state is given and no axis is prescribed: the run then begins in the initial
+            state of the station.
         """
         checked = _checked_start(config, start)
         robots = self._station.robots
@@ -705,17 +715,14 @@ class Runner:
             origins: positions (n,) at which the configuration's references begin, by robot; None for the initial
                 posture.
             steps_whole: whether to step the whole diagram, see :class:`StationDiagrams`; it has ticks then.
-            end: end of the run [s]; None if it is the configuration's duration.
+            end: end of the run, up to which references are checked [s]; None if it is the configuration's duration.
 
         Raises:
             SimrobError: a reference does not fit its robot, or blocks of the user's own would be in two diagrams.
         """
         references = station_references(self._station, requested, origins)
         self._check_references(references, config.duration if end is None else end)
-        # The blocks of forces, and the bodies on which they act, are built into a diagram: other ones need another
-        # diagram.
-        force_places = [(name, force.kind, force.at) for name, force in config.forces.items()]
-        key = (steps_whole, *force_places)
+        key = (steps_whole, *_force_places(config))
         diagrams = self._diagrams.get(key)
         if diagrams is None or not diagrams.fits(references):
             # Drake lets a block be in one diagram only, and the earlier diagram has it.
@@ -736,12 +743,12 @@ class Runner:
         diagrams.play(references, config.forces)
         return diagrams
 
-    def _check_references(self, references: Mapping[str, Reference], duration: float) -> None:
+    def _check_references(self, references: Mapping[str, Reference], end: float) -> None:
         """Check that robots can follow their references, and axes those that the station prescribes.
 
         Args:
             references: reference of each robot, by the robot's name.
-            duration: duration of the run [s].
+            end: end of the run [s]. References are checked from the time 0, also for a run that begins later.
 
         Raises:
             SimrobError: a reference does not fit its robot.
@@ -749,17 +756,34 @@ class Runner:
         for robot in self._station.robots.values():
             # A block of the user's own takes the place of this reference, which then moves nothing.
             if f"{robot.prefix}reference" not in self._driven:
-                check_reference(robot, references[robot.name], duration)
+                check_reference(robot, references[robot.name], end)
             # Axes whose references the station prescribes, by their index.
             for axis, reference in robot.prescribed.items():
-                check_reference(alone_on(robot, axis), reference, duration)
+                check_reference(alone_on(robot, axis), reference, end)
+
+
+class _ForcePlace(NamedTuple):
+    """Part of a force that is built into a diagram: its name, its kind, and the body or robot on which it acts.
+
+    ``at`` is None for the only robot.
+    """
+
+    name: str
+    kind: str
+    at: str | None
+
+
+def _force_places(config: StationConfig) -> list[_ForcePlace]:
+    """Places of a station's forces. Forces with other places need another diagram; their times and sizes do not."""
+    return [_ForcePlace(name, force.kind, force.at) for name, force in config.forces.items()]
 
 
 def _without_playable_keys(config: StationConfig) -> StationConfig:
     """Copy a configuration without the keys that its diagrams do not depend on.
 
-    Two configurations whose copies are equal can use the same diagrams: references, and times and sizes of pushes, are
-    given to them for each run; duration, sample rate and start belong to the run.
+    Two configurations whose copies are equal can use the same diagrams: references of robots, and times and forces of
+    pushes, are given to them for each run; duration, sample rate and start belong to the run. References of prescribed
+    axes are built into the diagrams, so these keys are kept.
     """
     # A robot may have a reference section of its own.
     robots = {
@@ -813,8 +837,8 @@ def _checked_start(config: StationConfig, start: State | None) -> State | None:
         the state, or None if neither gives one.
 
     Raises:
-        InvalidParameter: the state has values that are no finite numbers.
-        InvalidConfig: the file of the configuration holds no state.
+        InvalidParameter: the value is no State, or has values that are no finite numbers.
+        InvalidConfig: the file of the configuration cannot be read, or holds no state.
     """
     if start is None:
         return State.at_start_of(config)
@@ -835,12 +859,13 @@ def check_state(start: State) -> None:
 class RunBranch:
     """A run up to a time, and several runs with different pushes that continue it.
 
-    The time before the branch is stepped only once. Under ``cenic`` and discrete solvers, a continued run is equal to a
-    run with the same pushes from the start, to the last bit.
+    The time before the branch is stepped once for all calls of :meth:`outcome`, and once more by the first call of
+    :meth:`run`. Under ``cenic`` and discrete solvers, a continued run is equal to a run with the same pushes from the
+    start, to the last bit.
 
     Attributes:
         at: time of the branch [s].
-        begun: end of the run up to the branch: ``completed`` if nothing ended it before.
+        begun: how the run up to the branch ended. Its ``ending`` is ``completed`` if nothing ended it before.
     """
 
     def __init__(
@@ -872,14 +897,17 @@ class RunBranch:
         self._diagrams = diagrams
         self._blocks = blocks
         self._references = diagrams.references
+        self._origins = _origins(start)
         # The run up to the branch, with signals. It is made when it is needed: `outcome` needs no signals.
         self._trunk: SimulationResult | None = None
         config_until_branch = self._config.model_copy(update={"duration": at})
-        self._stepper = self._make_stepper(config_until_branch, begins_in_motion=begins_in_motion)
+        self._stepper = self._make_stepper(
+            config_until_branch, diagrams, begins_in_motion=begins_in_motion
+        )
         if start is not None:
             built = self._stepper.built
             start.put(built.diagram, built.ports, self._stepper.simulator.get_mutable_context())
-        self.begun = self._outcome(self._stepper)
+        self.begun = self._outcome(self._stepper, diagrams)
 
     @drake_asserts()
     def outcome(self, pushes: Mapping[str, Any]) -> Outcome:
@@ -889,21 +917,31 @@ class RunBranch:
 
         Args:
             pushes: pushes that begin at the time of the branch or later, by name, as in :meth:`run`. They take the
-                place of all pushes of the station.
+                place of all pushes of the station, also of those that began before the branch and still act.
 
         Raises:
             InvalidParameter: a push that cannot be, or that begins before the branch.
+            SimrobError: the pushes have other names or places than those of the station, and the runner has blocks of
+                the user's own, which can be in one diagram only.
         """
         # The run ended before the branch, whatever the pushes after it.
         if self.begun.ending != "completed":
             return self.begun
         config = with_pushes(self._config, pushes)
         self._check_times(pushes or {}, config.forces)
-        # The diagrams may have played the pushes of another branch since.
-        self._diagrams.play(self._references, config.forces)
-        return self._outcome(
-            self._make_stepper(config, reached=self._stepper.simulator.get_context())
-        )
+        diagrams = self._diagrams_with(config)
+        reached = self._stepper.simulator.get_context()
+        return self._outcome(self._make_stepper(config, diagrams, reached=reached), diagrams)
+
+    def _diagrams_with(self, config: StationConfig) -> StationDiagrams:
+        """Find or make the diagrams that play the references of the branch and the forces of a configuration."""
+        if _force_places(config) == _force_places(self._config):
+            # The diagrams may have played the pushes of another branch since.
+            self._diagrams.play(self._references, config.forces)
+            return self._diagrams
+        # They have the same states as those of the branch, since a push has no state.
+        requested = by_robot(config, self._reference)
+        return self._runner._diagrams_for(config, requested, self._origins)
 
     @drake_asserts()
     def run(
@@ -928,7 +966,7 @@ class RunBranch:
             strict: raise an error if the result has warnings.
 
         Raises:
-            InvalidParameter: a push that begins before the branch.
+            InvalidParameter: a push that cannot be, or that begins before the branch.
             SimrobError, VerdictError: as :meth:`Runner.run`.
         """
         if self._trunk is None:
@@ -996,15 +1034,20 @@ class RunBranch:
                     ),
                 )
 
-    def _make_stepper(self, config: StationConfig, **more: Any) -> Stepper:
-        """Make a stepper of the branch's diagrams. The other arguments are those of :class:`Stepper`."""
-        return Stepper(
-            config, self._diagrams.diagram_at, self._diagrams.edges, blocks=self._blocks, **more
-        )
+    def _make_stepper(
+        self, config: StationConfig, diagrams: StationDiagrams, **more: Any
+    ) -> Stepper:
+        """Make a stepper of diagrams of the station. The other arguments are those of :class:`Stepper`."""
+        return Stepper(config, diagrams.diagram_at, diagrams.edges, blocks=self._blocks, **more)
 
-    def _outcome(self, stepper: Stepper) -> Outcome:
-        """Step to the end of the stepper's run, and evaluate its monitors. Returns how it ended."""
-        recorder, watch = make_recorder(stepper, self._diagrams.whole)
+    def _outcome(self, stepper: Stepper, diagrams: StationDiagrams) -> Outcome:
+        """Step to the end of the stepper's run, and evaluate its monitors. Returns how it ended.
+
+        Args:
+            stepper: steps one of the diagrams.
+            diagrams: the diagrams, of which the whole one has the monitors' signals.
+        """
+        recorder, watch = make_recorder(stepper, diagrams.whole)
         return stepper.run(recorder, watch)
 
 

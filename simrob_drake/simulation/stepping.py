@@ -47,7 +47,7 @@ class Moment:
     """A station in the middle of a run. Valid only until the run continues, so do not keep it."""
 
     time: float
-    """Time since the start of the run [s]."""
+    """Simulated time [s]."""
     _built: ClosedStation
     """The diagram that is stepped, with the station."""
     _context: Context
@@ -58,7 +58,10 @@ class Moment:
         return self._built.ports.outputs.value(output, self._context)
 
     def play_forces(self, forces: Mapping[str, ForceConfig]) -> None:
-        """Replace the forces of the station, such as pushes, from now on."""
+        """Replace pushes and drags of the station by others of the same names and places, from now on.
+
+        Forces that are not named stay, and names that the station does not have are ignored.
+        """
         self._built.play_forces(forces)
 
     def state(self) -> State:
@@ -76,7 +79,8 @@ class Ticks:
 
     Attributes:
         every: time between two ticks [s].
-        tell: callback for each tick that is reached, before the run continues. It returns True to end the run.
+        tell: callback for each tick that is reached, before the run continues, and for the planned end of the run. It
+            returns True to end the run. It is not called at a tick at which a monitor ends the run.
     """
 
     every: float
@@ -92,7 +96,7 @@ class Ticks:
             end: end of the run [s].
             edges: times of the edges [s]. There may be none.
         """
-        # The end of the run is no tick: rounding must not add one just before it.
+        # The end of the run is added below: rounding must not add a tick just before it.
         count = int(np.ceil(end / self.every - _ROUNDING))
         # Rounding to a picosecond makes a product such as 3 * 0.1 equal to the time that a file writes, 0.3.
         ticks = [round(self.every * number, 12) for number in range(1, count)]
@@ -135,8 +139,8 @@ class Outcome:
 
     Attributes:
         ending: how the run ended.
-        stopped_by: name of the monitor or block that ended the run, "diverged" or "interrupted"; None if it was
-            completed.
+        stopped_by: name of the monitor or block that ended the run, or of the function in which an error of Python code
+            was raised; "diverged" or "interrupted"; None if the run was completed.
         message: how and why the run ended, in words.
     """
 
@@ -155,7 +159,7 @@ class Stepper:
         built: the diagram that is stepped now, with the station.
         begin: time at which stepping begins [s].
         end: planned end of the run [s].
-        begins_in_motion: whether the run continues the motion of another run.
+        begins_in_motion: whether the run continues the motion of another run or of another stepper.
         shortened: how often the solver tried a step again with a shorter length; None if all steps have one length.
         user_context: the caller's context, which the run advances; None if there is none.
     """
@@ -244,7 +248,9 @@ class Stepper:
         return bool(self._blocks)
 
     def pace(self) -> Callable[[Context], None] | None:
-        """Make a callback for each step, which may change the length of the next steps. Returns None if not needed.
+        """Make a callback for each step, which may change the length of the next steps.
+
+        Returns None for other schemes than ``cenic``, whose steps nothing changes.
 
         It belongs to the present diagram and solver: call this method again when they change. The checks of the
         callback before are kept, see :attr:`flight_checks`.
@@ -272,6 +278,9 @@ class Stepper:
         Args:
             recorder: records each step.
             watch: evaluates the station's monitors at the recorded steps.
+
+        Raises:
+            Exception: a callback of the user has failed, which is no end of a run.
         """
         try:
             return self._outcome(recorder, watch)
@@ -397,7 +406,7 @@ class Stepper:
         Monitors look at the steps up to the tick first: the callback is not called if one of them ends the run.
 
         Args:
-            time: time of the tick [s].
+            time: time of the tick, or of the end of the run [s].
             recorder: records the run.
 
         Returns:
@@ -440,7 +449,10 @@ class Stepper:
         self._initialize_in_motion()
 
     def _count_steps(self) -> None:
-        """Add the shortened steps of the present integrator to :attr:`shortened`, before the integrator is replaced."""
+        """Add the shortened steps of the present integrator to :attr:`shortened`.
+
+        Call it once before the integrator is replaced or left for that of another diagram, and at the end of the run.
+        """
         # Solvers with steps of one length try no step again.
         if self.shortened is not None:
             integrator = self.simulator.get_integrator()

@@ -143,7 +143,7 @@ def walked_displacement(result: RecordedRun) -> Displacement | None:
 
     Returns:
         the displacement. It is None if the camera does not move: the station has no such robot or several robots, or
-            the robot's path is short compared with its height.
+            the robot never gets farther from its start than 0.6 times the initial height of its base.
     """
     followed = _followed_robot(result)
     if followed is None:
@@ -204,7 +204,10 @@ def base_distances(result: RecordedRun, times: Vector) -> Vector:
 
 
 def _followed_robot(result: RecordedRun) -> str | None:
-    """Name of the robot that a camera may follow. Returns None if there is no such robot, or there are several."""
+    """Name of the robot that a camera may follow: one that can walk, or whose controller requests it.
+
+    Returns None if there is no such robot, or if the station has several robots of any kind.
+    """
     followed = {
         *legged_robots(result),
         *robots_to_follow(result.plant.robots, result.config.controllers),

@@ -185,7 +185,7 @@ class LiveView:
             steering: controls by which the user commands controllers; none if None.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         self._window: Window | None = Window(steering.controls if steering else None)
         if steering:

@@ -122,9 +122,9 @@ def film_strip(result: RecordedRun, *, frames: Frames = 7, height: int | None = 
 
     Args:
         result: the run.
-        frames: count of images, at even times from the start to the end; or "events": then there is an image for each
-            contact that begins, each end of a move, each piece that is attached or detached, and the stop of the run,
-            two dozen at most.
+        frames: count of images, at even times from the start to the end; or "events": then there is an image for the
+            start, each contact that begins, each end of a move, each piece that is attached or detached, and the end of
+            the run. Of events that are close together only one is shown; there are two dozen at most.
         height: height of an image [pixels]. If it is None, it is 360 for up to seven images, and 240 for more.
 
     Returns:
@@ -326,7 +326,7 @@ def captions(times: Vector, distances: Vector | None) -> list[str]:
 
 
 def side_by_side(images: list[Pixels], texts: list[str]) -> Image.Image:
-    """Place images side by side with captions. Wide images are in several rows, so that they remain large.
+    """Place images side by side with captions. Images that do not fit in one row are in several, and remain large.
 
     Args:
         images: the images, all of one size.
@@ -426,7 +426,7 @@ class Studio:
             widest: largest width over height, if the width follows from the motion.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         self._result = result
         self.robot_displacement = walked_displacement(result)
@@ -469,7 +469,7 @@ class Still:
         """Set the camera up for a station.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         around = np.array([[-_AROUND, -_AROUND, 0.0], [_AROUND, _AROUND, 0.0]])
         self._scene = ViewedStation(

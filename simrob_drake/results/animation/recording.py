@@ -279,7 +279,8 @@ def draw_contact_forces(
     """Draw the contact forces of a run as arrows into a Meshcat that records.
 
     The forces are computed from the recorded states. A body that touches another one at several points also has their
-    sum, at the centre of pressure. Nothing is drawn if the station has no contact.
+    sum, at the centre of pressure. Nothing is drawn if the run has no contact results, see `RecordedRun.contacts_at`,
+    or if nothing touches in any frame. Forces below 1 % of a large one have no arrow.
 
     Args:
         meshcat: the Meshcat.

@@ -93,7 +93,7 @@ class ViewedStation(PosedStation):
             path: positions that a robot passes, shape (k, 3) [m]. Images have lines on the floor along them.
 
         Raises:
-            InvalidModel: a robot cannot be built.
+            SimrobError: the station cannot be built, such as a robot without its files.
         """
         self.visualizer: MeshcatVisualizer | None = None
 
@@ -124,7 +124,7 @@ class ViewedStation(PosedStation):
         self._diagram.ForcedPublish(self._root_context)
 
     def extents(self, positions: Vector) -> Vector:
-        """Points around all links and shapes in several configurations, without the floor.
+        """Points around all links and pieces in several configurations, without the world's own shapes as the floor.
 
         Args:
             positions: the configurations, shape (k, nq).
@@ -159,13 +159,13 @@ class ViewedStation(PosedStation):
         return (corners - displacement(times)[:, np.newaxis]).reshape(-1, 3)
 
     def _corners(self, positions: Vector, instance: ModelInstanceIndex | None) -> Vector:
-        """Origins of links, and corners of the boxes around their visible shapes, in several configurations.
+        """Origins of links and pieces, and corners of the boxes around their visible shapes, in several configurations.
 
         The world's own shapes, such as the floor, are left out.
 
         Args:
             positions: the configurations, shape (k, nq).
-            instance: model instance of the links; None for the links of all instances.
+            instance: model instance of the bodies; None for the bodies of all instances.
 
         Returns:
             the points in the world, shape (k, m, 3) [m].
@@ -314,7 +314,7 @@ def floor_under(scene: ViewedStation, place: Vector) -> list[dict[str, Any]]:
 
 
 def draw_floor_lines(meshcat: Meshcat, scene: ViewedStation, *, size: float) -> None:
-    """Draw lines on the floor of a scene into Meshcat, around the origin of the world.
+    """Draw lines on the floor of a scene into Meshcat, around the floor's origin.
 
     Args:
         meshcat: the Meshcat.

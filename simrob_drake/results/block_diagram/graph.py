@@ -395,7 +395,8 @@ def columns_of(graph: BlockGraph) -> dict[str, int]:
     """Index of the column of each block, from 0 at the left.
 
     Groups of roles follow each other in the order of the signal flow. Within a group, a block is right of the blocks
-    that feed it. Outputs and monitors have the last column.
+    that feed it, but for signals that lead back. Outputs, monitors, and sensors that feed no block are in the last
+    column.
     """
     columns: dict[str, int] = {}
     next_column = 0
@@ -427,7 +428,7 @@ def columns_of(graph: BlockGraph) -> dict[str, int]:
 
 
 def _is_output(graph: BlockGraph, block: DrawnBlock) -> bool:
-    """Whether a block only shows something: an output of the station, or a monitor, which feeds no block."""
+    """Whether a block only shows something: an output of the station, a monitor, or a sensor that feeds no block."""
     return block.role == "sensor" and not graph.targets(block.key)
 
 

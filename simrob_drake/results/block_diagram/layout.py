@@ -372,6 +372,9 @@ class Layout:
     def _desired_height(self, box: Box, to_the_right: bool) -> float:
         """Height at which a box's nets to its neighbours would be straight on average, in the picture [px].
 
+        Without such nets, and for a list of ports, it is the mean height of the boxes that the box is connected to. A
+        box without any nets keeps its height.
+
         Args:
             box: the box. A bar keeps its height, because the boxes that it joins determine that.
             to_the_right: whether the columns are aligned to the right. The nets that enter the box then decide, or

@@ -303,7 +303,10 @@ class _Reader:
         return key
 
     def _draw_outputs(self) -> None:
-        """Add the station's outputs with their arrows. Outputs that are the same port of a system share a port."""
+        """Add the station's outputs, but for references, with their arrows.
+
+        Outputs that are the same port of a system share a port.
+        """
         names_of_port: dict[_PortId, list[str]] = {}
         for name, port in self._ports.outputs.items():
             # References are what the station is asked for, not what it shows: their sources are drawn already.

@@ -29,8 +29,9 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
         folders: folders of the results.
 
     Returns:
-        a text for each result, such as ``servo.kp.lift 14000``. It is empty if the results have the same keys and
-        values, or if their stations are not saved.
+        a text for each result, such as ``servo.kp.lift 14000``. Of more than three keys it has the first three and the
+        count of the others. It is empty if the results have the same keys and values, or if neither their stations nor
+        their programs are saved.
     """
     settings = _with_same_keys([_settings(folder) for folder in folders])
     keys = dict.fromkeys(key for values in settings for key in values)

@@ -228,11 +228,11 @@ def style(axes: Axes, title: str) -> None:
 
 
 def reliable_samples(result: RecordedRun, values: Vector) -> Vector:
-    """Samples of a run that may set the scale of a plot: of a run that diverged, the first 95 %.
+    """Samples that may set the scale of a plot: all of them, or of a run that diverged the first 95 % of them.
 
     Args:
         result: the run.
-        values: samples, shape (..., m), with the time along the last axis.
+        values: samples of the whole run or of a part, shape (..., m), with the time along the last axis.
     """
     if result.stopped_by != DIVERGED:
         return values

@@ -88,7 +88,7 @@ def read_results(folders: Sequence[Path]) -> list[SavedSignals]:
         folders: folders of the results.
 
     Raises:
-        InvalidConfig: a folder holds no result, or a damaged one.
+        InvalidConfig: a folder holds no result, or the files of one that cannot be read, see :func:`read_signals`.
     """
     results = [read_signals(folder) for folder in folders]
     # A single result differs from no other; `read_signals` has put its gains into its name.
@@ -105,7 +105,8 @@ def read_signals(folder: Path) -> SavedSignals:
     """Read the signals of a result from its folder. Its name has the gains of its first robot.
 
     Raises:
-        InvalidConfig: the folder holds no result, or a damaged one.
+        InvalidConfig: there is no table of signals; the table or the summary cannot be read; the table has no column of
+            times; or ``servos`` or ``units`` of the summary is no mapping.
     """
     table = folder / SIGNALS
     if not table.is_file():

@@ -220,8 +220,8 @@ def _curves_by_label(frames: Sequence[Axes]) -> dict[str, Any]:
 def save_plots(result: RecordedRun, folder: Path, kind: PlotFormat = "png") -> list[Path]:
     """Write the plots of a run. Returns the files.
 
-    There are ``position.png`` and ``torque.png``, with a tool ``tcp.png``, and for robots that walk ``base.png``. With
-    several robots, these names begin with the robot: ``<robot>_position.png``. Free pieces have
+    There are ``position.png`` and ``torque.png``, with a tool ``tcp.png``, and for robots that can walk ``base.png``.
+    With several robots, these names begin with the robot: ``<robot>_position.png``. Free pieces have
     ``piece_<piece>.png``, sensors ``sensors.png``, and controllers ``controller_<name>.png``. In a long run whose
     curves run together, ``position_detail.png`` and the like show three seconds of its middle. The plots of installed
     extensions follow.
@@ -253,7 +253,8 @@ def _save_plots_of_extensions(
 ) -> list[Path]:
     """Write the plots that installed extensions make of a run.
 
-    A plot whose name is taken, or whose function fails, is left out with an ExtensionWarning.
+    A plot whose name is taken, or whose function fails, is left out with an ExtensionWarning. A function that returns
+    None has no plot of this run.
 
     Args:
         result: the run.
@@ -326,7 +327,7 @@ def _figures(result: RecordedRun) -> Iterator[_NamedFigure]:
 def _robot_figures(result: RecordedRun, robot: StationRobot, whose: str) -> Iterator[_NamedFigure]:
     """Yield the plots of a robot: positions, torques, the pose of its tool, and the path of its base.
 
-    A robot without a tool has no plot of its tool, and only a robot that walks has a plot of its base.
+    A robot without a tool has no plot of its tool, and only a robot that can walk has a plot of its base.
 
     Args:
         result: the run.

@@ -2,8 +2,9 @@
 
 A part declares a *panel* for each signal that is to be plotted: a title, a label and the columns of the result. Panels
 with the same figure name are drawn in one file. There are two forms. Panels of a few quantities are drawn below each
-other. A panel with a value for each axis of a robot is drawn joint by joint, with right and left axes together. In
-both forms, curves that do not change are left out and named in a sentence.
+other. A panel with a value for each axis of a robot is drawn joint by joint, with right and left axes together.
+Outputs of controllers that are constant, and in the second form axes and panels that hardly change, are left out and
+named in a sentence.
 
 A *sheet* describes such a file. A *quantity* is a column of a panel. A *stack* is a title with plots below each other,
 and a *group* is an axis, or the right and the left axis that share a plot.
@@ -120,7 +121,8 @@ _Panels = Mapping[Panel, Sequence[_Quantity]]
 def panel_sheets(result: RecordedRun) -> Iterator[Sheet]:
     """Yield the sheets of a run's panels, such as ``piece_<piece>``, ``sensors`` and ``controller_<name>``.
 
-    If a sheet has panels of both forms, those with a value for each axis are in ``controller_<name>_axes``.
+    If a figure has panels of both forms, those with a value for each axis are in ``controller_<name>_axes``. If several
+    robots have such panels, those of the second robot and later ones are in sheets ``controller_<name>_axes_<robot>``.
     """
     panels: dict[Panel, list[_Quantity]] = {}
     for signal in result.signals:

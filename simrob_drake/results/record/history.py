@@ -119,8 +119,8 @@ class Recorder:
     def _record(self, context: Context) -> EventStatus:
         """Record a step and call the callbacks. Returns Drake's status for continuing or for ending the run.
 
-        Every 20 records it also checks for divergence and calls `look`. An exception of a callback is kept as
-        `failure` and raised again.
+        Every 20 records it also checks for divergence and calls `look`. An exception of one of the `watchers` or of
+        `inspect` is kept as `failure` and raised again.
         """
         time = context.get_time()
         if self._pace is not None:
@@ -178,7 +178,7 @@ class Recorder:
         return self._look(self._rows(first, len(self.times)))
 
     def is_sane(self) -> bool:
-        """Whether all values of the last record have a size that is possible for a robot."""
+        """Whether all values of the last record have a size that is possible for a robot, or are infinite."""
         # Counted from the start: a slice from -0 would take everything if the diagram has no such state.
         continuous = self._continuous[len(self._continuous) - self._continuous_size :]
         discrete = self._discrete[len(self._discrete) - self._discrete_size :]
@@ -232,15 +232,15 @@ class Recorder:
 
 
 def _are_rows_sane(states: Vector) -> Mask:
-    """Whether all values of a row have a size that is possible for a robot, for each row (m,) of values (m, k)."""
+    """Whether all values of a row are sane, see :func:`_is_sane`, for each row (m,) of values (m, k)."""
     masks = [_is_sane(states[part]).all(axis=1) for part in parts(len(states))]
     return np.concatenate(masks)
 
 
 def _is_sane(values: Vector) -> Mask:
-    """Whether each value has a size that is possible for a robot.
+    """Whether each value has a size that is possible for a robot, or is infinite.
 
-    NaN and values of RUNAWAY or more are not sane. Infinity is: blocks store it for "not yet", such as a
+    NaN and finite values of RUNAWAY or more are not sane. Infinity is: blocks store it for "not yet", such as a
     monitor whose condition is not met, or the delay of a sampled block before the first sample.
     """
     # Comparisons with NaN are False, so NaN needs no test of its own.
@@ -262,7 +262,7 @@ def plant_slice(diagram: Diagram, plant: MultibodyPlant, context: Context) -> Pl
 
     Args:
         diagram: the diagram.
-        plant: the plant, a direct subsystem of the diagram.
+        plant: the plant.
         context: a context of the diagram.
     """
     # The continuous state of a diagram consists of those of its systems, in order.
@@ -452,7 +452,7 @@ class StateHistory:
         )
 
     def rows(self, part: slice) -> "StateHistory":
-        """The states of a range of rows, as views of the same memory."""
+        """The states of a range of rows. The arrays are views of the same memory."""
         groups = [group[part] for group in self.discrete]
         return StateHistory(self.times[part], self.continuous[part], groups, self.abstract[part])
 

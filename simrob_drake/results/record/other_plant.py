@@ -21,7 +21,7 @@ def positions_in(station: StationPlant, run: Run, times: Vector) -> Vector:
 
     Args:
         station: the other plant, which contains the station alone.
-        run: the run, recorded with the positions of the whole shared plant.
+        run: the run. If its plant is shared, it was recorded with the positions of the whole plant.
         times: times within the run, shape (k,) [s].
     """
     recorded: Vector = run.positions_at(times)

@@ -53,7 +53,8 @@ def sample_piece_contacts(
         contacts_at: yields Drake's contact results at times (k,) [s] of the run.
 
     Returns:
-        for each free piece, by its name, its contacts in the order of time.
+        for each free piece, by its name, one entry for each evaluated sample, in the order of time; also for samples at
+        which nothing touches the piece.
     """
     plant = station.plant
     # Contact results name shapes, not bodies: the shapes of each piece are looked up once, for all samples.

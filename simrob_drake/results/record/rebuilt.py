@@ -147,8 +147,8 @@ class RebuiltRun:
     def positions_at(self, times: Vector) -> Vector:
         """Positions of the plant (k, nq) at times (k,) [s] of the run.
 
-        They are the original ones to the last bit if the diagram of the station could be built again. Otherwise they
-        are interpolated linearly between the times of the recorded motion.
+        They are the original ones to the last bit if the run has recorded states that fit the diagram that was built
+        again. Otherwise they are interpolated linearly between the times of the recorded motion.
 
         Raises:
             SimrobError: the run has no recorded motion, and its states do not fit the diagram that was built again.
@@ -254,7 +254,7 @@ def _build_again(run: Run, config: StationConfig) -> "ClosedStation":
     station = resolve(config.model_copy(update={"inputs": inputs}))
     # The final state keeps the positions at which the references of this run began.
     references = station_references(station, run.references, run.final_state.origins or None)
-    # Lean, as the diagram of the run was: outputs that are computed from the states have no blocks.
+    # Lean: outputs that are computed from the states need no blocks.
     built = closed_station(
         station, references, sensors=list(station.sensors), blocks=blocks, monitors=False, lean=True
     )

@@ -169,22 +169,24 @@ class RecordedRun:
         config: configuration of the station in this run.
         plant: the station's plant with its robots.
         ending: how the run ended.
-        stopped_by: name of the monitor that ended the run, or of the user's block that failed; "diverged" or
+        stopped_by: name of the monitor that ended the run, or of the block or function that failed; "diverged" or
             "interrupted" (by the user) if that ended the run; None if the run was completed.
         message: how the run ended, in words.
         names: names of the columns of ``values``.
         signals: declarations of the columns by the parts of the station: units, plots.
         notes: kind of each sensor and controller, and how it was computed, by its name.
-        times: times of the samples, shape (m,) [s]: evenly spaced, with the end of the run last.
+        times: times of the samples, shape (m,) [s]: the start of the run, evenly spaced times, and the end of the run.
         values: the signals, shape (m, k), in SI units and radians.
-        step_times: ends of the accepted steps of the solver [s].
+        step_times: start of the run, and the ends of the accepted steps of the solver [s].
         positions_at: computes positions of the whole plant (k, nq) at times (k,) [s] within the run.
         stepping_time: wall-clock time that stepping took [s].
         signal_time: wall-clock time that evaluating the signals took [s].
         solver_warnings: reasons why the result may be wrong although the run was completed, in words.
         final_state: state of the station at the end, from which another run can begin.
         start: state at the start; None if the run began in the configuration's initial posture.
-        contacts_at: yields Drake's contact results at times (k,) [s] of the run; None if the station has no contact.
+        contacts_at: yields Drake's contact results at times (k,) [s] of the run; None if the station has no contact
+            forces, as a kinematic one, for a program of several runs or with handed-over pieces, and if the engine of
+            an extension has not recorded them.
         context: returns a new context of the diagram at the end of the run, with its time and state, which may be
             changed. In a diagram of the user's own it contains the logs of log sinks. It is None in results that an
             earlier version has pickled, if the station is kinematic.
@@ -374,7 +376,7 @@ class RecordedRun:
     def piece_contacts(self) -> dict[str, list[ContactSample]]:
         """Contacts of each free piece, by its name, at the samples chosen by `sample_piece_contacts`.
 
-        Empty if the station has no contact, or no free pieces.
+        Empty if the run has no contact results, see `contacts_at`, or if the station has no free pieces.
         """
         if self.contacts_at is None or not self.plant.free_pieces:
             return {}
@@ -382,7 +384,7 @@ class RecordedRun:
 
     @cached_property
     def onsets(self) -> list[Event]:
-        """Events at which two bodies began to touch; empty if the station has no contact."""
+        """Events at which two bodies began to touch; empty if the run has no contact results, see `contacts_at`."""
         if self.contacts_at is None:
             return []
         return list(onsets(self.plant, self.step_times, self.contacts_at))
@@ -461,8 +463,8 @@ class RecordedRun:
     def end_in_words(self) -> str:
         """End of the run in words.
 
-        For a run that a monitor ended, it is the monitor with its reason; for a fall, the reason and the push or pull
-        that came shortly before it. For other runs it is their `message`.
+        For a run that a monitor ended, it is the monitor with its reason. For a fall of a robot it is the reason, and
+        the last push or pull if that began at most 5 s before. For other runs it is their `message`.
         """
         if self.ending != "monitor":
             return self.message
@@ -592,7 +594,7 @@ def begins_of(*runs: RecordedRun) -> Vector:
 def robot_that_fell(result: RecordedRun) -> str | None:
     """Name of the robot whose fall ended a run.
 
-    Returns None if the run did not end by a fall, or if the fall was that of a piece.
+    Returns None if no monitor of the kind `fall` ended the run, or if this monitor watches a piece.
     """
     # Imported here: the kinds of monitors are loaded only if they are needed.
     from simrob_drake.parts.monitors.sections import Fall

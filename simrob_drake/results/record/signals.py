@@ -58,7 +58,8 @@ class Sampler:
                 with the inputs of the step's start: the value that a scheme with frozen inputs applies in the step.
             begins_in_motion: whether the run continues the motion of another run. The ``held`` ports then have, at the
                 start of the run, the value of its first step.
-            prepare: called before the first evaluation; restores the references of this run in the diagram.
+            prepare: called whenever a context of the diagram is evaluated or returned; restores the references of this
+                run in the diagram. None if the diagram serves this run alone.
             tolerant: whether values that cannot be evaluated become NaN, as after a run in which a block failed. If it
                 is False, the error is raised.
             context: context of the diagram, for its parameters; it is copied. If it is None, the parameters are the
@@ -95,7 +96,7 @@ class Sampler:
 
     @property
     def step_times(self) -> Vector:
-        """Ends of the accepted steps, shape (m,) [s]."""
+        """Start of the run and ends of the accepted steps, shape (m,) [s]."""
         return self._history.times
 
     def sample(self, ports: Sequence[OutputPort], times: Vector) -> list[Any]:
@@ -499,6 +500,8 @@ def cut_at_stop(sampler: Sampler, holds: Holds, step: Step, *, onset: float, hol
 
 def _cut_after_hold(sampler: Sampler, holds: Holds, step: Step, onset: float, hold: float) -> None:
     """Shorten the history so that it ends when the condition has been met for the time ``hold`` [s].
+
+    The history stays as it is if it does not end later than that.
 
     Args:
         sampler: the run, whose history is changed.

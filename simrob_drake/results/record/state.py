@@ -71,7 +71,7 @@ def _check_rotation(name: str, position: Vector) -> None:
         position: positions of the joint.
 
     Raises:
-        InvalidParameter: the length of the quaternion is not 1.
+        InvalidParameter: the length of the quaternion differs from 1 by more than 0.1.
     """
     if len(position) != _FREE_BODY:
         return
@@ -193,9 +193,9 @@ class State:
     """The state of a station: of each joint, each block with a memory, and each robot's reference.
 
     All entries have names, so the state fits a station that was rebuilt and changed: with a piece on another parent,
-    other gains, another solver. Joints and blocks that the new station does not have are ignored. Joints and blocks
-    that the state does not have begin as at the start of any run. So do monitors, whose times count from the start of
-    a run.
+    other gains, another solver. Robots, joints and blocks that the new station does not have are ignored. Joints and
+    blocks that the state does not have begin as at the start of any run. So do monitors, whose times count from the
+    start of a run. Each robot of the new station must be in the state, with as many axes.
 
     Attributes:
         positions: positions of the axes, by robot, shape (n,) [rad or m].
@@ -283,7 +283,8 @@ class State:
     @property
     def valid_trace(self) -> Trace | None:
         """The trace. It is None if the state has no trace, or if the state was changed after the trace was set."""
-        # Compared by identity, which is quick. Arrays that were changed in place are not noticed.
+        # Compared by identity, which is quick. Arrays that were changed in place are not noticed, nor are entries that
+        # were added or removed at the end.
         is_unchanged = all(
             now is before for now, before in zip(self._values(), self._traced, strict=False)
         )
@@ -305,7 +306,8 @@ class State:
         """Check that a run can begin in this state.
 
         Raises:
-            InvalidParameter: an entry is not an array of finite numbers, as after a run in which a block failed.
+            InvalidParameter: an entry is not an array of finite numbers, as after a run in which a block failed, or has
+                another class.
         """
         # The types of all entries are checked first, since attributes of the entries are read here.
         vectors: list[_NamedVector] = []
@@ -348,13 +350,17 @@ class State:
     def put(self, diagram: Diagram, ports: StationPorts, context: Context) -> None:
         """Set a context to this state, as far as the station has the joints and blocks of the state. Time stays.
 
+        Blocks that the state does not have stay as they are in the context. The plant's joints that it does not have
+        get the positions and velocities of the plant's default context.
+
         Args:
             diagram: a diagram that contains a station, perhaps another one than that of the state.
             ports: ports of this station.
             context: context of the diagram. It is changed.
 
         Raises:
-            InvalidParameter: a robot, joint or block has the same name but another size.
+            InvalidParameter: a robot of the station is missing in the state; a robot, joint or block has the same name
+                but another size; a quaternion does not have length 1; or a block has abstract values of other classes.
         """
         # Robots of another size are refused before the context is changed.
         for robot in ports.plant.robots.values():
@@ -379,6 +385,9 @@ class State:
         Args:
             diagram: a diagram that contains a station.
             ports: ports of the station.
+
+        Raises:
+            InvalidParameter: the state does not fit the station, see :meth:`put`.
         """
         context = diagram.CreateDefaultContext()
         self.put(diagram, ports, context)
@@ -441,9 +450,10 @@ class State:
         )
 
     def to_json(self) -> str:
-        """Write the state as a text that :meth:`from_json` reads back to the last bit.
+        """Write the state as a text, from which :meth:`from_json` reads all numbers back to the last bit.
 
-        Abstract values that JSON cannot write become null. Their blocks begin with the values that they declare.
+        The `trace` is not written. Abstract values become null if JSON cannot write them, or would read them as other
+        values, such as tuples: a run then begins with the value that the block declares in their place.
         """
         # Without validation: the values were checked when they were read, or come from Drake.
         content = _StateFile.model_construct(
@@ -690,7 +700,7 @@ class JointCoordinates(NamedTuple):
 
 
 def joints_of(plant: MultibodyPlant, scope: str = "") -> Iterator[JointCoordinates]:
-    """Yield the coordinates of every joint that moves.
+    """Yield the coordinates of every joint that has some: welds have none.
 
     Args:
         plant: the finalized plant.

@@ -65,9 +65,10 @@ def onsets(
     step_times: Vector,
     contacts_at: Callable[[Vector], Iterator[ContactResults]],
 ) -> Iterator[Event]:
-    """Yield an event whenever two bodies begin to touch, in the order of time.
+    """Yield an event whenever two bodies begin to touch with a force, in the order of time.
 
-    Bodies that touch at the start of the run have no event there.
+    Bodies that touch at the start of the run have no event there. Bodies that touch again have an event only if they
+    were apart for more than 0.1 s. In a run of more than 4000 steps, only every k-th step is looked at.
 
     Args:
         station: the plant of the run.
@@ -116,7 +117,8 @@ class StanceSlide(NamedTuple):
 
     Attributes:
         distance: distance that the foot slid during the stance [m].
-        last_look: index of the look at which the stance ended. It is 0 if the run has only one look.
+        last_look: index of the look at which the stance ended. It is 0 if there is no stance to choose: the run has
+            only one look, or the foot was not in contact at the start and has not slid.
     """
 
     distance: float
@@ -128,8 +130,10 @@ class Slide:
     """Slides of one foot over the ground. An *interval* is the time between two looks that follow each other.
 
     Attributes:
-        distances: distance that the foot slid in each interval, shape (m,) [m]; 0 if it did not touch.
-        in_contact: whether the foot touched the ground at both ends of each interval, shape (m,).
+        distances: distance that the foot slid in each interval, shape (m - 1,) for m looks [m]; 0 if it was not in
+            contact.
+        in_contact: whether, in each interval, one and the same point of the foot touched the ground at both ends, shape
+            (m - 1,). A foot that touched with one point before, and with another one after, does not count.
     """
 
     distances: Vector
@@ -142,7 +146,10 @@ class Slide:
 
     @cached_property
     def longest(self) -> StanceSlide:
-        """The stance in which the foot slid farthest; the first of several equal ones."""
+        """The stance in which the foot slid farthest; the first of several equal ones.
+
+        If the foot has not slid at all, it may be a stance without any interval, before the first look.
+        """
         # Each interval without contact begins a new stance, so its number is the count of such intervals so far. The
         # interval itself adds nothing to the distance.
         stance_of_interval = np.cumsum(~self.in_contact)
@@ -169,8 +176,8 @@ class OverlappingBodies(NamedTuple):
     """Names of two bodies that overlap, in alphabetical order; the floor is the second one.
 
     Attributes:
-        first: name of a piece or of a robot's link.
-        second: name of a piece, of a robot's link, or ``floor``.
+        first: name of a piece, of a robot's link, or of a box of a terrain.
+        second: such a name, or ``floor``.
     """
 
     first: str
@@ -196,7 +203,8 @@ class Touch:
     Attributes:
         times: times of the looks, shape (m,) [s].
         rate: rate of the looks [Hz].
-        depths: the deepest overlap of each pair of bodies. Of several overlaps at one look only the deepest counts.
+        depths: the deepest overlap of each pair of bodies. At each look only the deepest overlap of all bodies counts,
+            so that pairs without the deepest overlap at some look have no entry.
         slides: slides of each foot of the robots that can walk.
     """
 
@@ -246,7 +254,7 @@ def evaluate_touch(
 def _deepest_overlaps(
     station: StationPlant, times: Vector, positions: Vector, root: Context
 ) -> dict[OverlappingBodies, DeepestOverlap]:
-    """Find the deepest overlap of each pair of bodies.
+    """Find the deepest overlaps, by pair of bodies: at each look only the deepest of all overlaps counts.
 
     Args:
         station: the plant of the run.
@@ -291,7 +299,7 @@ def _keep_deepest(
 
 
 def _overlapping_bodies(station: StationPlant, shapes: ShapePair) -> OverlappingBodies:
-    """Names of the bodies to which two shapes belong: of pieces, of links, or ``floor``."""
+    """Names of the bodies to which two shapes belong: pieces, links, the floor or boxes of a terrain."""
     names = [owner_and_robot(station, shape)[0] for shape in shapes]
     # In alphabetical order, but for the floor: False comes before True, so the floor is the last one.
     first, second = sorted(names, key=lambda name: (name == FLOOR, name))

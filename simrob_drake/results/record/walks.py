@@ -1,8 +1,8 @@
 """Measures of how well a legged robot walked, computed from the recorded signals of a run.
 
-All measures are those of the robot's *base*, its root link, from the first to the last sample of the run; in SI units
-and radians. The *heading* is the direction in which the robot faces, seen from above. "Ahead" is its heading at the
-first sample.
+The measures count from the first to the last sample of the run; they are in SI units and radians. Positions, speed,
+tilt and heading are those of the robot's *base*, its root link. The *heading* is the direction in which the robot
+faces, seen from above. "Ahead" is its heading at the first sample.
 
 With the scheme ``cenic``, the recorded torques are those of the second half of each step (see ``signals.Sampler``). So
 the peaks and the work of walks are a little too low: by a tenth with steps of 10 ms.
@@ -31,8 +31,8 @@ class PeakTorque(TypedDict):
 
     Attributes:
         axis: name of the axis.
-        torque: absolute value of the torque there [N m].
-        limit: torque limit of the axis [N m].
+        torque: absolute value of the torque there [N m; N for an axis that slides].
+        limit: torque limit of the axis at rest, in the same unit.
         ratio: the share, :math:`|\tau| / \tau_{max}`. It is larger than ``torque / limit`` if the torque of the motor
             falls with its speed.
     """
@@ -80,7 +80,7 @@ class Locomotion:
 
     @property
     def upright(self) -> bool:
-        """Whether no fall ended the run."""
+        """Whether no fall of this robot ended the run."""
         return self.fall_time is None
 
 
@@ -150,7 +150,7 @@ def _peak_torque(result: RecordedRun, robot: StationRobot, shares: Vector) -> Pe
     # The axis with the largest share, then the sample at which it has it.
     axis = int(np.argmax(shares.max(axis=0)))
     sample = int(np.argmax(shares[:, axis]))
-    torques = result.axes("tau", robot.name)  # [N m], shape (m, n)
+    torques = result.axes("tau", robot.name)  # [N m or N], shape (m, n)
     return PeakTorque(
         axis=robot.axes[axis],
         torque=float(np.abs(torques)[sample, axis]),
@@ -175,7 +175,7 @@ def _cost_of_transport(
     if not is_far_enough:
         return None
     plant = result.plant.plant
-    # The mass of the robot's own links: pieces that it carries belong to other model instances.
+    # The mass of the robot with the pieces that it carries, which belong to its model instance.
     mass = plant.CalcTotalMass(plant.CreateDefaultContext(), [robot.instance])
     weight = float(mass * abs(result.config.gravity))  # [N]
     return work / (weight * distance)
@@ -247,7 +247,7 @@ def mechanical_work(result: RecordedRun, robot: str) -> float:
         result: the run.
         robot: name of the robot, all of whose axes count.
     """
-    # Power of all joints [W], shape (m,).
+    # Power of all axes [W], shape (m,).
     power = np.abs(result.axes("tau", robot) * result.axes("v", robot)).sum(axis=1)
     return float(np.trapezoid(power, result.times))
 

@@ -105,7 +105,7 @@ def measure_resting_force(run: RecordedRun) -> Measured | None:
     is its component along one direction, see :func:`_judged_direction`. The largest error of each piece counts.
 
     Returns:
-        the errors, or None if no piece was at rest in contact.
+        the errors, one for each piece that was at rest in contact and has a judged direction; None if there is none.
     """
     observations = []
     for piece in _judged_pieces(run):
@@ -155,14 +155,15 @@ def _judged_direction(run: RecordedRun, contacts: list[ContactSample]) -> Vector
 
 
 def measure_friction_share(run: RecordedRun) -> Measured | None:
-    """Measure the largest friction on each piece, as a share of the largest possible friction.
+    """Measure the largest friction between each piece and a body it touches, as a share of the largest possible one.
 
     The contact force F follows from the piece's momentum, not from the contact results, since some solvers report wrong
     friction forces. With the normal n and the friction coefficient mu, the normal force is N = F n, and the share is
     |F - N n| / (mu N).
 
     Returns:
-        the shares, one for each pair of a piece and the body that it lies on. None if no piece has a steady contact.
+        the shares, one for each pair of a piece and a body that alone touches it during a window, with friction and
+        with a large enough normal force. None if there is no such pair.
     """
     observations = []
     for piece in _judged_pieces(run):
@@ -206,8 +207,8 @@ def _largest_of_each(observations: list[Observation]) -> Measured | None:
 def _judged_pieces(run: RecordedRun) -> list[str]:
     """Names of the free pieces on which only gravity, contacts and the station's forces act.
 
-    Pieces that a coupling holds, such as a spring, are left out: its force is not known. The list is empty if the
-    station has no contact, or no gravity that pulls down.
+    Pieces that a coupling holds, such as a spring, are left out: its force is not known. The list is empty if the run
+    has no contact results, as without contact forces, or if no gravity pulls down.
     """
     if run.contacts_at is None or run.config.gravity <= 0:
         return []

@@ -480,7 +480,10 @@ def _distance(run: RecordedRun) -> Measured | None:
 
 
 def _penetration(run: RecordedRun) -> Measured | None:
-    """Measure the largest depth to which each pair of bodies overlapped [m]. Returns None if no bodies overlapped."""
+    """Measure the largest depth to which pairs of bodies overlapped [m]. Returns None if no bodies overlapped.
+
+    At each look of the run only the deepest of all overlaps counts, see `Touch`: other pairs may be missing.
+    """
     depths = run.touch.depths  # by pair of bodies, the depth [m] and the time [s]
     if not depths:
         return None
@@ -490,15 +493,16 @@ def _penetration(run: RecordedRun) -> Measured | None:
 
 
 def _foot_slip(run: RecordedRun) -> Measured | None:
-    """Measure the longest distance that each foot slid over the ground before it was lifted again [m].
+    """Measure the longest distance that each foot slid over the ground in one stance, see `StanceSlide` [m].
 
-    The time is that at which it was lifted. Without feet, the result has no subjects.
+    The time is that at which this stance ended, by lifting the foot or by the end of the run. Without robots that can
+    walk, the result has no subjects.
     """
     names = []
     distances = []
     times = []
     for (robot, link), slide in run.touch.slides.items():
-        # The distance, and the index of the time at which the foot was lifted.
+        # The distance, and the index of the look at which the stance ended.
         distance, row = slide.longest
         names.append(f"{run.plant.robots[robot].prefix}{link}")
         distances.append(distance)
@@ -599,7 +603,7 @@ def verdict_of(run: RecordedRun) -> Verdict:
     measures = [criterion.of(run) for criterion in CRITERIA]
     further_criteria = usable_objects("measures", Criterion, named_by="name").values()
     measures += [_measure_of_extension(criterion, run) for criterion in further_criteria]
-    # Both are empty if no bodies overlapped and no robot walks: the rate of these evaluations is of no interest then.
+    # Both are empty if no bodies overlapped and no robot can walk: the rate of these evaluations does not matter then.
     has_touched = run.touch.depths or run.touch.slides
     return Verdict(
         measures=tuple(measure for measure in measures if measure is not None),

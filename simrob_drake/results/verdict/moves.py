@@ -48,8 +48,8 @@ class MoveVerdict:
     Attributes:
         move: what the move is called, such as ``move 3 (move_l)``.
         robot: name of the robot that moves.
-        begin: when the move began, in simulated time [s].
-        end: when it ended or was stopped [s].
+        begin: when the move began [s]: 0 in the verdict on its own run; in that on a program, the time of the program.
+        end: when it ended or was stopped, in the same time [s].
         reached: whether the move was completed, and ended near enough to its target.
         position_error: distance of the tool from its target at the end [m].
         orientation_error: angle between the orientation of the tool and its target at the end [rad].

@@ -75,10 +75,10 @@ _STIFFER = 10.0
 def sag_or_saturation(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis, or of a robot's tool, that is not where it should be.
 
-    If a servo swings about its reference, the remedy is damping; if a motor of the robot is saturated, it is more time
-    or torque; if an axis still moves at the end, it is the remedy of a lag. Otherwise gravity most likely causes the
-    error: the remedy is gravity feedforward, or larger gains for servos that cannot have it or have it already. Returns
-    None for a kinematic station, and if no robot is found.
+    If a servo swings about its reference, the remedy is damping; if a motor of the robot was saturated at any time, it
+    is that of this motor; if an axis still moves at the end, it is the remedy of a lag. Otherwise gravity most likely
+    causes the error: the remedy is gravity feedforward, or larger gains for servos that cannot have it or have it
+    already. Returns None for a kinematic station, and if no robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
@@ -110,8 +110,9 @@ def lag(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis that is too far from its reference during the run: more time, or larger gains.
 
     If a servo swings about its reference, the remedy is damping; if the reference begins away from the robot, it is
-    another start; if a motor of the robot is saturated, it is the remedy of that motor; if most of the error is left
-    when the robot rests, it is that of a sag. Returns None for a kinematic station, and if no robot is found.
+    another start; if a motor of the robot was saturated at any time, it is the remedy of that motor; if at least half
+    of the error is left when the robot rests, it is that of a sag. Returns None for a kinematic station, and if no
+    robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None or not run.config.engine.moves_by_forces:
@@ -137,8 +138,8 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
     If a servo swings about its reference, the remedy is damping. If a motor of the robot is still saturated at the
     end, it presses on an obstacle or is too weak for the posture. If the reference begins away from the
-    robot, the remedy is another start; for a leg of a robot on legs, slower steps. Otherwise it is more time. Returns
-    None if no robot is found.
+    robot, the remedy is another start; for a robot with a floating base, slower steps or another motion. Otherwise it
+    is more time. Returns None if no robot is found.
     """
     robot = robot_of(run, entry.subject)
     if robot is None:
@@ -157,7 +158,7 @@ def more_time_for_motors(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def _less_torque_at_rest(run: RecordedRun, robot: StationRobot) -> Remedy | None:
-    """Remedy of motors that are at their torque limits when the motion is over, which more time does not help.
+    """Remedy of motors that are at their torque limits at the last sample, which more time does not help.
 
     They press on an obstacle, or are too weak for the posture. Returns None if no motor is at its limit at the end, and
     for a robot on legs that still moves then: in a walk, motors may be at their limits for a moment.
@@ -184,8 +185,9 @@ def _less_torque_at_rest(run: RecordedRun, robot: StationRobot) -> Remedy | None
 def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis or a tool that moves too fast: more time, in proportion to its speed.
 
-    If a servo swings about its reference, it is damping. For a robot with a floating base it is slower steps. If the
-    reference begins away from the robot, it is another start. Returns None if no robot is found.
+    If a servo swings about its reference, it is damping. For a robot with a floating base it is slower steps or another
+    motion. If the reference of another robot begins away from the robot, it is another start. Returns None if no robot
+    is found.
 
     Args:
         run: the run.
@@ -272,7 +274,8 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
     """Remedy of an axis whose reference begins away from the robot: more time does not help.
 
     The remedy is another initial posture. It is offered if the error of the axis at the start of the run is at least
-    half of its largest error. Returns None otherwise, and if the subject is no axis of the robot.
+    half of its largest error, and one that `axes_off_reference` reports. Returns None otherwise, if the subject is no
+    axis of the robot, and for a run that continues a motion.
 
     Args:
         run: the run.
@@ -299,7 +302,8 @@ def _start_at_reference(run: RecordedRun, robot: StationRobot, subject: str) -> 
         jump=jump_text(robot, axis, positions[0, axis], references[0, axis]),
         key=f"{run.config.robot_key(robot.name)}.initial_deg",
     )
-    # A run that begins in a state, and a robot on its feet, do not begin in another posture by this key alone.
+    # A run that begins in a state, a planned motion, and a robot with a floating base need more than this key to begin
+    # in another posture.
     if run.start is not None or run.did or robot.model.base == "floating":
         return Remedy(text)
     # The key takes degrees and metres.
@@ -422,7 +426,8 @@ def robot_of(run: RecordedRun, subject: str) -> StationRobot | None:
         subject: name of an axis, such as ``left.joint_2``; of a robot; or of its tool, such as ``tool of left``.
 
     Returns:
-        the robot, or None if the subject belongs to none.
+        the only robot of a station, whatever the subject is; of several robots the one that the subject belongs to, or
+        None if it belongs to none.
     """
     if len(run.plant.robots) == 1:
         return next(iter(run.plant.robots.values()))
@@ -472,7 +477,10 @@ def _damping_of_swing(run: RecordedRun, robot: StationRobot) -> Remedy | None:
 
 
 def _swings(run: RecordedRun, robot: StationRobot, index: int) -> bool:
-    """Whether an axis crosses its reference again and again, equally far to both sides, while the reference rests.
+    """Whether an axis swings about its reference, which rests, and does not calm down.
+
+    It does not if, since the reference last moved, more than four swings reach at least half as far as the farthest
+    one. Swings of less than 1e-3 (rad or m) do not count.
 
     Args:
         run: the run.
@@ -526,14 +534,14 @@ def _saturated_at_end(run: RecordedRun, robot: StationRobot) -> npt.NDArray[np.b
 def _presses_on_something(
     run: RecordedRun, robot: StationRobot, saturated: npt.NDArray[np.bool_]
 ) -> bool:
-    """Whether the saturated motors push at the end of a run where gravity does not push against them.
+    """Whether, at the end of a run, none of the saturated motors acts against gravity.
 
     A motor that carries a load acts against gravity. One that acts with gravity, or across it, presses on something.
 
     Args:
         run: the run.
-        robot: the robot. The result is False if its base floats, since its motors then act against the ground, and
-            if it still moves, since its motors may then accelerate it.
+        robot: the robot. The result is False if its base floats, since its motors then act against the ground; if it
+            still moves, since its motors may then accelerate it; and in a kinematic station.
         saturated: whether each motor is at its limit, shape (n,).
     """
     if (
@@ -568,7 +576,7 @@ def _servo_key(run: RecordedRun, robot: StationRobot, key: str) -> str:
 def _with_longer_reference(
     run: RecordedRun, robot: StationRobot, text: str, factor: float
 ) -> Remedy:
-    """Remedy that makes the motion longer: with a key if the motion is a reference in the station's file.
+    """Remedy that makes the motion longer: with a key if the station's file gives a reference with a duration.
 
     The key has a value only if the longer motion ends within the run.
 

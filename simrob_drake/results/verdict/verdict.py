@@ -432,7 +432,8 @@ class Verdict:
     Attributes:
         measures: results of the criteria for which there was something to measure, in the order of the criteria.
         sample_rate: rate at which signals were recorded [Hz].
-        contact_rate: rate at which overlaps of bodies and slips of feet were evaluated [Hz]. None if nothing touched.
+        contact_rate: rate at which overlaps of bodies and slips of feet were evaluated [Hz]. None if no bodies
+            overlapped and no robot can walk.
         moves: results of the moves that the run consists of, in order: instances of
             :class:`~simrob_drake.results.verdict.moves.MoveVerdict`.
         ended: how the run ended, in words. Empty if that is not known.
