@@ -178,7 +178,7 @@ march = March.plan_by_name
 
 
 def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None) -> float:
-    """Compute the height of the root link at which the lowest foot of a robot touches the floor [m].
+    """Compute the height of the root link, not turned, at which the lowest foot of a robot touches the floor [m].
 
     Args:
         skeleton: links, joints and masses of the robot.
