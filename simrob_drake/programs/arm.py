@@ -138,7 +138,9 @@ class Arm(ArmGeometry):
 
         Raises:
             UnknownName: there is no such station, robot or tool.
-            InvalidParameter: the robot has no tool, or a base that moves.
+            InvalidParameter: the robot has no tool, or a base that moves; none is named and the station has no robot or
+                several; or there are overrides for a workcell.
+            SimrobError: kinematics do not support a joint of the robot.
         """
         # The base class has any station with state. An arm needs a workcell, which records its runs.
         self.cell: Workcell
@@ -343,7 +345,8 @@ class Arm(ArmGeometry):
             duration: duration of all runs together [s]. If it is None, as recorded.
             automatic: whether :attr:`references` run instead, from the station's start; or options for that, see
                 :meth:`LeggedRobot.simulate`.
-            strict: whether a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`.
+            strict: whether a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`. It does, too,
+                if the workcell is strict.
 
         Raises:
             Unsuitable: a duration is given for an automatic program, or there is nothing to run.
@@ -439,8 +442,9 @@ class Workcell(RecordedStation):
     def perform(self, program: Program | Path | str) -> SimulationResult:
         """Run a program of arms from the present state of the station.
 
-        The program is checked before anything moves, up to a move that depends on where a piece comes to rest. A run
-        that a monitor ends is the last one. If a move cannot be done, the station is left unchanged.
+        The program is checked before anything moves, up to a move that depends on what only a run shows, see
+        :meth:`rehearse`. A run that does not complete, because a monitor or the user ends it or it diverges, is the
+        last one. If a move cannot be done, the station is left unchanged.
 
         Args:
             program: a program, or its YAML file; see :class:`Program`.

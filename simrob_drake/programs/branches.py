@@ -148,10 +148,12 @@ class Branches:
             evaluate: evaluates a posture (n,).
 
         Returns:
-            The postures, usable ones first; none if no posture reaches the target.
+            The postures, usable ones first; others are beyond a limit, in collision or too heavy. There are none if no
+            posture reaches the target.
 
         Raises:
-            InvalidParameter: `held` is not a mapping, or contains positions that are no numbers.
+            InvalidParameter: `held` is not a mapping, or contains positions that are no finite numbers; or the start
+                has a wrong shape.
             UnknownName: `held` names an unknown axis.
         """
         instance(

@@ -240,7 +240,7 @@ class StartInCollision(NoFreePath):
 
 
 class GoalInCollision(NoFreePath):
-    """Raised when bodies overlap in every posture that reaches the goal of a move around obstacles.
+    """Raised when bodies overlap in every posture that was tried as the goal of a move around obstacles.
 
     Attributes:
         bodies: names of two bodies that overlap in the best posture, the moving one first.
@@ -252,7 +252,7 @@ class GoalInCollision(NoFreePath):
 
         Args:
             target: name of the target.
-            count: count of postures that reach it, at least 1.
+            count: count of postures that were tried, at least 1. All of them reach the target.
             depth: depth of the overlap in the posture where it is least [m].
             bodies: names of the two bodies that overlap in this posture, the moving one first.
         """

@@ -135,7 +135,8 @@ def _positions_with_grips(
 def _grip_posture(model: StationModel, plan: Plan, fingers: list[int]) -> Vector | None:
     """Find the posture (n,) [rad or m] of a move in which fingers first touch a free piece from two sides.
 
-    Returns None if the move does not close them on a piece. The model's robot is left in a posture of the move.
+    Returns None if the move does not close them on a piece. If the move moves its fingers, the model's robot is left in
+    a posture of the move.
 
     Args:
         model: collision model of the station.

@@ -139,7 +139,7 @@ class FreeSpace:
         return bool(found)
 
     def obstacles(self, most: int = 3) -> list[str]:
-        """Names of the bodies with which the search collided most often, without the robots that move.
+        """Names of the bodies in which the search collided most often, without robots that move and what they carry.
 
         Args:
             most: largest count of names.
@@ -271,6 +271,7 @@ class Search:
 
         Raises:
             NoFreePath: no path was found within `seconds`; names the bodies in the way.
+            SimrobError: no straight line is free, and OMPL is not installed.
         """
         start = self.space.posture
         for goal in goals[:_STRAIGHT_TRIES]:

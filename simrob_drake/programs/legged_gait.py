@@ -63,10 +63,10 @@ def planned_gait(
 
     Args:
         robot: the robot.
-        name: name of the gait. If it is None, the first one with steps for its feet.
+        name: name of the gait. If it is None, the first one for its feet: with steps if `steps` is given, else without.
         changes: values of parameters that replace those of the gait.
         steps: count of steps. It is None for gaits without steps.
-        amplitude: factor of the step length.
+        amplitude: factor of the parameters that the gait scales, such as the step length.
         station: the station as it will be. If it is None, as it is.
         bends: whether the hips may be lower if the legs are too short. They may always under a load or on a slope, and
             never if `changes` sets a bearing.
@@ -124,7 +124,7 @@ def planned_gait(
         gait.check_feet(model, worn, feet_key)
 
     def plan(**others: Any) -> JointMotion:
-        """Plan the gait with further changes of its parameters, which come before those of the user."""
+        """Plan the gait with further changes of its parameters, which replace those of the user."""
         return gait.with_changes({**changes, **others}, amplitude, name).plan(
             walker, steps or 0, amplitude
         )
@@ -147,8 +147,8 @@ def planned_gait(
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a planned gait from where a robot stands, and return the result. A floor that had to become larger stays so.
 
-    A motion into the first posture comes before it. During the run the station has the gains and the steps of the
-    solver that the gait needs.
+    A motion into the first posture comes before it, unless the robot rests there already. During the run the station
+    has the gains and the steps of the solver that the gait needs.
 
     Args:
         robot: the robot.
@@ -165,7 +165,7 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
 
 
 def taught_arms(robot: LeggedGeometry, feet: str | None = None) -> dict[str, float]:
-    """Find the axes in no leg that were moved away from home. A gait leaves them there.
+    """Find the axes in no leg whose references are more than 1 degree from home. A solved gait leaves them there.
 
     Args:
         robot: the robot.
@@ -203,14 +203,15 @@ def _with_arms(gait: SolvedGait, model: RobotModel, arms: dict[str, float]) -> S
 
 
 def _plan_within_reach(plan: Callable[..., JointMotion], gait: SolvedGait) -> JointMotion:
-    """Plan a gait with hips that are only as much lower as the legs need, at most by a tenth of their height.
+    """Plan a gait with hips that are as high as the legs allow: unchanged, or lower by 3, 6 or 10 % of their height.
 
     Args:
         plan: function that plans the gait. Its keyword arguments replace parameters.
         gait: the gait.
 
     Raises:
-        OutOfReach: the legs are too short even for the lowest hips. It is the error of the highest ones.
+        OutOfReach: even with the lowest hips a leg is too short, or a joint is beyond a limit. It is the error of the
+            highest hips.
     """
     bearing = gait.bearing
     problems = list[OutOfReach]()

@@ -154,7 +154,8 @@ class LeggedRobot(LeggedGeometry):
     ) -> SimulationResult:
         """Move axes from the last state, and store the move at the end of the program (AddMove).
 
-        The move is not stored if the run diverges or the robot falls. For arguments and errors see :meth:`test_move`.
+        The move is not stored if the run diverges, is interrupted or ends in a fall. For arguments and errors see
+        :meth:`test_move`.
         """
         return self._run(move_of(target_deg, duration), True)
 
@@ -190,8 +191,8 @@ class LeggedRobot(LeggedGeometry):
         """Walk from the last state (Marcha).
 
         The robot first moves into the posture in which its gait begins, in up to 2.5 s. If it is in this posture, it
-        walks at once. While it walks, the gains of the servos are those of the gait, and steps of the solver are at
-        most 10 ms. The floor becomes as large as the walk needs, and stays so.
+        walks at once. While it walks, the gains of the servos are those of the gait if it has any, and steps of the
+        scheme `cenic` are at most 5 ms. The floor becomes as large as the walk needs, and stays so.
 
         Args:
             steps: count of full steps ahead. The steps of the ramps (``ramp_steps``) and the last one, which brings the
@@ -262,7 +263,9 @@ class LeggedRobot(LeggedGeometry):
             store: whether the move is stored at the end of the program.
 
         Raises:
-            InvalidParameter: the robot's ``gaits.yaml`` has no postures for getting up, or the count is invalid.
+            InvalidParameter: the count is invalid.
+            SimrobError: the robot's ``gaits.yaml`` has no postures for getting up, the robot does not stand on feet of
+                its own, or the station is kinematic.
         """
         return self._run(make_move(GetUpMove, attempts=attempts), store)
 
@@ -347,8 +350,8 @@ class LeggedRobot(LeggedGeometry):
         """Run the stored program from the start of the station (Sim). The next move continues from its end.
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has its own gains and
-        solver. Pieces are attached and released between runs. A monitor that ends a run ends the program. If the robot
-        falls, the next move continues from the state before the program.
+        solver. Pieces are attached and released between runs. A monitor that ends a run ends the program. If the last
+        run diverges, is interrupted or ends in a fall, the next move continues from the state before the program.
 
         In an automatic program a sequencer leads the robot to the references, to each one when the joints have reached
         the one before. The ``cells`` of the result have the times. A reference that takes longer than the time-out ends
@@ -417,7 +420,8 @@ class LeggedRobot(LeggedGeometry):
         Args:
             index: index of the move, from 0. Negative indices count from the end.
             move: new targets [deg] or a new move, see :meth:`insert`. If it is None, only the duration changes.
-            duration: new duration of a move of joints [s]. If it is None, the duration stays.
+            duration: new duration of a move of joints [s]. If it is None, the duration stays; it is 1 if targets
+                replace another kind of move.
 
         Raises:
             SimrobError: see :meth:`insert`; or the index is out of range.
@@ -462,7 +466,7 @@ class LeggedRobot(LeggedGeometry):
         """Undo the last run or change of the program: robot and program return to the state before.
 
         Raises:
-            InvalidParameter: nothing has been done.
+            InvalidParameter: nothing has been done, or all of it is undone already.
         """
         if not self._past:
             raise Unsuitable(
@@ -523,7 +527,8 @@ class LeggedRobot(LeggedGeometry):
                 is interrupted or ends in a fall.
 
         Returns:
-            The results. There are fewer than moves if moves of joints follow each other, or if a move takes no time.
+            The results. There are fewer than moves if moves of joints follow each other, if a move takes no time, or if
+            a run did not complete, which was then the last one.
 
         Raises:
             SimrobError: a move cannot be done.

@@ -152,7 +152,7 @@ class StationModel(PosedStation):
         position: Callable[[str], Vector],
         reference: Callable[[str], Vector],
     ) -> None:
-        """Place the pieces as in a state, and the robots at their references.
+        """Place the pieces as in a state, and the axes of robots at their references. Bases of robots stay.
 
         From now on, pieces that fingers hold in the state move with the robot in :meth:`place_robots`. All fingers are
         placed as far from the positions given there as they are from their references now, because a piece may be

@@ -46,8 +46,8 @@ _SAME_PLACE = 1e-9
 class StatefulStation(ABC):
     """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
 
-    A move that cannot be done raises an error before anything moves, and leaves the station unchanged. So does a run
-    that diverges or is interrupted; its result is still returned.
+    A move that cannot be done raises an error before anything moves, and leaves the station unchanged. A run that
+    diverges or is interrupted raises no error: its result is returned, and the station is left unchanged, too.
 
     Attributes:
         config: the station, with its pieces on their present parents.
@@ -285,6 +285,7 @@ class StatefulStation(ABC):
 
         Raises:
             InvalidParameter: the references are no mapping, or the duration is not positive.
+            VerdictError: the run has warnings, and `strict` is True.
             SimrobError: the station cannot follow a reference.
         """
         instance(
@@ -371,6 +372,9 @@ class StatefulStation(ABC):
 
         Returns:
             The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+
+        Raises:
+            SimrobError: see :meth:`follow` and :meth:`change`.
         """
         # `change` marks the tape: no file can describe a run with a controller or gains of its own.
         own_station = self.config
@@ -435,10 +439,12 @@ class StatefulStation(ABC):
         frame: str | None = None,
         pose: PoseLike | None = None,
     ) -> None:
-        """Attach a piece to a robot or another piece (SimRob's PegarEn). It keeps its pose in the world, to rounding.
+        """Attach a piece to the world, a robot or another piece (SimRob's PegarEn).
 
-        The robot that takes the piece uses the piece's tool centre point from then on, and on a dynamic station it
-        feels its weight. A robot that gives its tool away uses the tool that carried it. Velocities stay unchanged.
+        Without a `pose` the piece keeps its pose in the world, to rounding. The robot that takes the piece uses the
+        piece's tool centre point from then on, unless the piece is on a link that is no tool; on a dynamic station it
+        feels its weight. A robot that gives its tool away uses the tool that carried it, or else its first own tool.
+        Velocities stay unchanged.
 
         Args:
             piece: name of the piece. Pieces that are attached to it stay attached.
@@ -449,8 +455,9 @@ class StatefulStation(ABC):
 
         Raises:
             UnknownName: there is no such piece, parent or frame.
-            InvalidParameter: the parent is the piece itself or one that is fixed on it; or a robot takes the piece
-                without a ``pose`` from more than 30 mm away.
+            InvalidParameter: the parent is the piece itself or one that is fixed on it; a frame of the world is named;
+                a robot takes the piece without a ``pose`` from more than 30 mm away; or the ``pose`` is no pose, or in
+                other units than m and rad.
         """
         # With a pose the piece may be anywhere: it is placed there. Without one the tool has to be near it.
         if pose is None:
@@ -480,8 +487,8 @@ class StatefulStation(ABC):
 
         Raises:
             UnknownName: there is no such piece, parent or frame.
-            InvalidParameter: it would fall forever, because there is no contact, no shape that collides or nothing
-                below it; or it has no mass.
+            InvalidParameter: the piece is attached to nothing; or it would fall forever, because there is no contact,
+                no shape that collides or nothing below it; or it has no mass or inertia.
         """
         model = self.model
         state = self.state

@@ -173,11 +173,12 @@ class Tape:
                 it is None, as recorded.
 
         Returns:
-            A stage for each run, and the entry of each change, in order.
+            A stage for all runs up to the next change, and the entry of each change, in order.
 
         Raises:
-            InvalidParameter: nothing was recorded, or two runs that follow each other do not join.
-            Unsuitable: a duration is given, and a run has references of its own.
+            InvalidParameter: nothing was recorded; or a run does not begin where the one before ended, has references
+                that are no planned moves and is not the only run, or has another station without a recorded change.
+            Unsuitable: a duration is given, and the only run has references that are no planned moves.
         """
         self.check_some()
         takes = self.takes

@@ -387,8 +387,8 @@ def following(
 def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str, Any]:
     """Extend settings of the station's servos to robots that have servo settings of their own.
 
-    Otherwise these robots would not follow a change such as ``servo.kp``. A setting that names the robot itself comes
-    before that of the station.
+    Otherwise these robots would not follow a change such as ``servo.kp``. A setting that names the robot itself
+    overrides that of the station.
 
     Args:
         settings: values of keys of the station, which are also in the result.

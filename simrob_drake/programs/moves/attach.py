@@ -110,7 +110,8 @@ class AttachMove(Move):
 
         Args:
             station: the station.
-            robot: name of the robot that takes the piece. It is not used if the move names a parent or a piece.
+            robot: name of the robot that takes the piece. It is not used if the move names a parent, or a piece as its
+                tool.
         """
         if self.parent is not None:
             return Mount(self.parent, self.frame)

@@ -73,7 +73,7 @@ class JointMove(Move):
             planning.model, self.target_deg, message("programs.the_target", "the target")
         )
         check_motors_of(cell, planning.robot, targets)
-        # Axes without a target stay where the arm's reference is.
+        # Axes without a target stay where the arm's reference is, unless they are coupled to one that has a target.
         for index, position in targets.items():
             posture[index] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
@@ -149,7 +149,7 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
         duration: duration of the move [s].
 
     Raises:
-        InvalidParameter: there is no axis, an angle is not finite, or the duration is not positive.
+        InvalidParameter: no target is given, a target is not a finite number, or the duration is not positive.
     """
     return make_move(JointMove, target_deg=target_deg, duration=duration)
 
@@ -171,7 +171,7 @@ def targets_on(
     Raises:
         UnknownName: there is no such axis. The message proposes the nearest name.
         InvalidParameter: an axis has two targets, under two of its names.
-        JointLimitExceeded: a target is beyond a limit of its axis.
+        JointLimitExceeded: a target is beyond a limit of its axis by more than rounding.
     """
     names = list(model.axes)
     units = model.user_units

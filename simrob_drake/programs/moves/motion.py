@@ -84,7 +84,7 @@ class ArmMotion(Move):
         )
 
     def pieces(self) -> Iterable[str]:
-        """Name of the piece that is the work object of the move, if it has one."""
+        """Name of the work object, without its frame, if the move names one: of a piece, or of a robot."""
         wobj = getattr(self, "wobj", None)
         if not isinstance(wobj, str):
             return ()

@@ -145,8 +145,9 @@ def plan_move_free(
 ) -> Plan:
     """Plan a move around obstacles to any posture that reaches the target, with what the arm carries.
 
-    A search that grows two trees of postures finds the path, which is then shortened and rounded. No checked posture
-    has a collision, not even of the arm with itself. Bodies that touch at the start may touch during the whole move.
+    A straight path of the axes is tried first. Otherwise a search that grows two trees of postures finds the path,
+    which is then shortened and rounded. No checked posture has a collision, not even of the arm with itself. Bodies
+    that touch at the start may touch during the whole move.
 
     Args:
         planning: the start of the move: posture, limits, surroundings.
@@ -161,7 +162,8 @@ def plan_move_free(
         how: see :class:`How`.
 
     Raises:
-        StartInCollision, GoalInCollision: bodies overlap at the start or at every goal; names them and the depth.
+        StartInCollision, GoalInCollision: bodies overlap at the start or at every goal that was tried; names them and
+            the depth.
         Unreachable: no posture within the limits brings the tool to the target.
         NoFreePath: no path was found in the time. The message has the nearest goal and the obstacles.
         SimrobError: the errors of other moves.
@@ -252,6 +254,7 @@ def goals_of(
 
     Raises:
         InvalidParameter: the target is missing, given twice, or no single pose or posture; the seed is out of range.
+        UnknownName: there is no such piece, frame, work object or posture.
         JointLimitExceeded: the given posture is beyond a limit.
         Unreachable: no posture within the limits reaches the pose.
     """
@@ -301,7 +304,8 @@ def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
     """Goal of a move to a posture (n,) [rad or m], which is given or named, as a single row (1, n).
 
     Raises:
-        InvalidParameter: several postures are given.
+        UnknownName: the robot has no posture of this name.
+        InvalidParameter: several postures are given, or one of a wrong shape or with numbers that are not finite.
         JointLimitExceeded: the posture is beyond a limit.
     """
     postures = planning.postures(joints, "joints")
@@ -356,7 +360,7 @@ def plan_around(
 
     Raises:
         StartInCollision, GoalInCollision, NoFreePath: see :func:`plan_move_free`.
-        Unsuitable: the options have a zone.
+        Unsuitable: the options have a zone other than ``fine``.
         SimrobError: the move exceeds a limit, or an option has an invalid value.
     """
     points = points_of(how, POINTS)
@@ -484,7 +488,7 @@ def _distance_scale(planning: Planning, space: FreeSpace) -> Vector:
 
 
 def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
-    """Find the nearest goals without collisions of robots that move at the same time, at most 16.
+    """Find the nearest goals without collisions of robots that move at the same time: at most 16, among at most 400.
 
     The collision tolerances that the found goals need are recorded in the space, see :meth:`FreeSpace.allow_goal`.
 
@@ -496,8 +500,8 @@ def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
         postures of all robots, one robot after the other, shape (k, sum of n) [rad or m].
 
     Raises:
-        GoalInCollision: every goal is in collision; names the bodies of the collision that
-            is least deep.
+        GoalInCollision: every goal that was checked is in collision. It names the bodies that collide deepest in the
+            goal where this depth is least.
     """
     # A combination takes one goal of each robot. It is the nearer, the smaller the sum of the
     # indices of its goals.
