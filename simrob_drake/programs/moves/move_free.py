@@ -93,12 +93,12 @@ class MoveFree(ArmMotion):
     def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
         """Target posture (n,) [rad or m], or its name. It is None if the target is a pose or a piece.
 
-        Degrees of a wrong count are returned unchanged.
+        A posture may leave out the fingers. Degrees of a wrong count are returned unchanged: the planner refuses them.
         """
-        # Degrees for a wrong count of axes cannot be converted: the planner refuses them with a message.
-        if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
-            return self.joints or self.joints_deg
-        return np.asarray(self.joints_deg * planning.model.user_units)
+        if self.joints_deg is None:
+            return self.joints
+        units = planning.units_of(len(self.joints_deg))
+        return self.joints_deg if units is None else np.asarray(self.joints_deg * units)
 
     def pieces(self) -> Iterable[str]:
         """Names of the pieces that the move refers to: its target, or else its work object."""

@@ -101,7 +101,9 @@ def plan_move_abs_j(
     segments = [joint_segment(way, points=count) for way, count in join_ways(ways, zone, points)]
     hint = degrees_hint(planning.chain, rows)
     plan = planning.plan_segments(segments, how, points, rows, through=passes_smoothly, hint=hint)
-    return with_entry(plan, MoveAbsJ.key, planning, targets, how, solver="auto", stop=stop)
+    return with_entry(
+        plan, MoveAbsJ.key, planning, targets, how, solver="auto", are_postures=True, stop=stop
+    )
 
 
 class MoveJ(ToolMotion, ArmMotion):
