@@ -50,9 +50,9 @@ Result = TypeVar("Result")
 class Planner(Planning):
     """Plans and checks moves of one robot from where it is. Nothing moves.
 
-    All moves begin at rest at the robot's reference, and rest at their end. With several targets they rest at each of
-    them, unless they have a ``zone``. Only ``move_abs_j`` and ``move_j`` pass the targets smoothly, unless ``stop`` is
-    set.
+    All moves begin at rest at the robot's reference, and rest at their end. With several targets, those with a ``zone``
+    turn to the next target near each one, and others rest at each of them. Only ``move_abs_j`` and ``move_j`` without
+    ``zone`` and ``stop`` pass the targets smoothly.
     """
 
     # As methods of a class, these functions get the planner as their first argument.
@@ -290,14 +290,14 @@ class Arm(ArmGeometry):
         frame: str | None = None,
         pose: PoseLike | None = None,
     ) -> None:
-        """Attach a piece to the present tool of the arm, or to another ``parent``; see :meth:`Workcell.attach`.
+        """Attach a piece to the arm or to another ``parent``; see :meth:`Workcell.attach`.
 
         Without ``parent``, the piece is attached to the tool in use if that is a piece itself. Otherwise it is attached
         to the robot: at ``frame``, or else at the robot's first tool.
 
         Args:
             piece: name of the piece.
-            parent: ``world``, a robot or another piece. If it is None, the present tool of the arm.
+            parent: ``world``, a robot or another piece. If it is None, the piece in use as tool, or else the robot.
             frame: a frame of the parent piece, or a tool or link of the robot.
             pose: pose of the piece in the parent's frame, to which it jumps. If it is None, the piece stays where it
                 is, and must be near.

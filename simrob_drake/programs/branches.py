@@ -3,8 +3,8 @@
 A branch is one of the postures that bring the tool to the pose, such as "elbow up". For each branch this module
 finds the torque that holds it, the distance of the axes to their limits, and what the arm would collide with.
 
-The surroundings of a robot are all bodies that neither belong to it nor are carried by it, also other robots. A body
-may consist of several *shapes*, between which distances are computed.
+The surroundings of a robot are all bodies that neither belong to it nor are carried by it or held between its fingers,
+also other robots. A body may consist of several *shapes*, between which distances are computed.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -268,14 +268,14 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
 def _surroundings(model: StationModel, robot: str) -> Distances:
     """Distances of all pairs of shapes between a robot and its surroundings.
 
-    One shape of each pair belongs to the robot (or to what it carries), and the other does
+    One shape of each pair belongs to the robot (or to what it carries or holds), and the other does
     not. The robot's shape is first. Pairs that the station filters from collisions are left out. The
     returned object computes the distances in any posture of the model.
     """
     inspector = model.station.scene_graph.model_inspector()
     is_of_robot: dict[GeometryId, bool] = {}
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        # name of the robot that the shape belongs to, or an empty text
+        # Name of the robot that the shape belongs to, or that carries or holds it; or an empty text.
         _, owner = model.policy.owner(shape)
         is_of_robot[shape] = owner == robot
     pairs = []

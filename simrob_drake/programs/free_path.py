@@ -9,7 +9,7 @@ Distances between postures are measured in metres: a radian of an axis counts as
 the tool.
 
 The collision policy of a station decides which pairs of bodies collide, and from which overlap on (their tolerance).
-The owner of a body is the robot to which it belongs, or that carries it.
+The owner of a body is the robot to which it belongs, or that carries it or holds it between its fingers.
 """
 
 from collections import Counter

@@ -164,7 +164,8 @@ class LeggedRobot(LeggedGeometry):
 
         A robot whose ``gaits.yaml`` has a sequence ``step``, such as the humanoid of MATLAB, goes through its postures
         by moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. Other
-        robots take one step of full length by the first gait for their feet, and bring their feet together.
+        robots, and this one on much smaller feet, take one step of full length by the first gait for their feet, and
+        bring their feet together.
 
         Args:
             move_time: duration of each of the moves, 1 in the thesis, or of each step of the gait [s]. If it is None,

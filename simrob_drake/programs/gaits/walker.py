@@ -253,7 +253,8 @@ class Walker:
         Raises:
             UnknownName: there is no such robot.
             InvalidParameter: the robot has no gaits, or a joint that is not revolute.
-            InvalidConfig: its file of gaits has a wrong entry.
+            InvalidConfig: its file of gaits cannot be read, or its ``facing_deg`` is missing or wrong. The gaits in it
+                are not checked.
         """
         if isinstance(robot, Walker):
             return robot
