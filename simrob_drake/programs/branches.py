@@ -268,9 +268,9 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
 def _surroundings(model: StationModel, robot: str) -> Distances:
     """Distances of all pairs of shapes between a robot and its surroundings.
 
-    One shape of each pair belongs to the robot (or to what it carries or holds), and the other does
-    not. The robot's shape is first. Pairs that the station filters from collisions are left out. The
-    returned object computes the distances in any posture of the model.
+    One shape of each pair belongs to the robot (or to what it carries or holds), and the other does not. The robot's
+    shape is first. Pairs that the station filters from collisions are left out. The returned object computes the
+    distances in any posture of the model.
     """
     inspector = model.station.scene_graph.model_inspector()
     is_of_robot: dict[GeometryId, bool] = {}

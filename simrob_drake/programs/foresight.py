@@ -1,8 +1,8 @@
 """State of a station after moves that are only looked at: no simulation, but fingers close on pieces and carry them.
 
-A run shows where fingers stop and where a piece is then. Without a run, fingers stop where two bodies of
-their robot (links, or pieces that it carries) touch a piece that lies free. From then on the piece moves with them, until they open. The *reference* of a
-robot is where its axes should be: fingers that a piece stops do not reach theirs.
+A run shows where fingers stop and where a piece is then. Without a run, fingers stop where two bodies of their robot
+(links, or pieces that it carries) touch a piece that lies free. From then on the piece moves with them, until they
+open. The *reference* of a robot is where its axes should be: fingers that a piece stops do not reach theirs.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -270,7 +270,8 @@ class StationModel(PosedStation):
     def _find_holds(self) -> dict[str, _Hold]:
         """Find the free pieces that robots hold now, by name: at least two bodies of a robot with fingers touch them.
 
-        All of its links count, not only fingers, and so do the pieces that it carries. The plant needs collision shapes, unless no robot has fingers.
+        All of its links count, not only fingers, and so do the pieces that it carries. The plant needs collision
+        shapes, unless no robot has fingers.
         """
         if not any(robot.model.fingers for robot in self.robots.values()):
             return {}

@@ -80,6 +80,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
 
     Raises:
         InvalidParameter: there is no cell, a target is beyond its limits, or the station is kinematic.
+        UnknownName: the robot has no axis of a target's name.
         InvalidConfig: the duration of the way to a cell is longer than the time-out.
     """
     if not cells:

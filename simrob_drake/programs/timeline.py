@@ -1,8 +1,8 @@
 """Changes that happen to a station while a program runs: new settings, pushes, drags, and commands to walks.
 
 The changes of a program are on a timeline, which has a grid: equally spaced moments, at which changes happen. A run is
-cut into pieces at each change, and restarts its solver at each moment of the grid. So it can be
-repeated from any moment of the grid, with equal results to the last bit.
+cut into pieces at each change, and restarts its solver at each moment of the grid. So it can be repeated from any
+moment of the grid, with equal results to the last bit.
 
 A *setting* is a key of the station with its value. A *push* is a constant force for a while, a *drag* a spring that
 pulls a point of a body after a target. A change *drives* a robot if it gives commands to its walk.
