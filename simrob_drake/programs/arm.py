@@ -443,8 +443,8 @@ class Workcell(RecordedStation):
         """Run a program of arms from the present state of the station.
 
         The program is checked before anything moves, up to a move that depends on what only a run shows, see
-        :meth:`rehearse`. A run that does not complete, because a monitor or the user ends it or it diverges, is the
-        last one. If a move cannot be done, the station is left unchanged.
+        :meth:`rehearse`. A run that does not complete (a monitor or the user ends it, it diverges, or a block fails) is
+        the last one. If a move cannot be done, the station is left unchanged.
 
         Args:
             program: a program, or its YAML file; see :class:`Program`.

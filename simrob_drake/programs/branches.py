@@ -44,12 +44,13 @@ class AxisValue(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """The smallest distance between an arm, with what it carries, and its surroundings.
+    """The smallest distance between an arm, with what it carries or holds, and its surroundings.
 
     Attributes:
-        distance: distance [m]; negative if the bodies overlap, infinite if there is nothing around the arm.
-        body: name of the arm's body; empty if there is nothing around.
-        other: name of the other body; empty if there is nothing around.
+        distance: distance [m]; negative if the bodies overlap. It is infinite if no pair of bodies counts, see
+            :func:`gaps`.
+        body: name of the arm's body; empty if no pair counts.
+        other: name of the other body; empty if no pair counts.
     """
 
     distance: float

@@ -14,7 +14,7 @@ class JointLimitExceeded(SimrobError):
 
     Attributes:
         axis: name of the joint.
-        point: number of the point of the move, counted from 1.
+        point: number of the point of the move, counted from 1. It is 0 for a gait, which has no points.
         time: time of the point since the start of the move [s].
         value: position of the joint there [rad or m].
     """
@@ -40,14 +40,14 @@ class JointLimitExceeded(SimrobError):
 
 
 class _TooFast(SimrobError):
-    """Raised when a joint would exceed a limit of its speed or acceleration in a move.
+    """Raised when a joint or the tool would exceed a limit of its speed, or a joint one of its acceleration, in a move.
 
     Attributes:
-        axis: name of the joint.
+        axis: name of the joint, or "the tool".
         point: number of the point of the move, counted from 1.
         time: time of the point since the start of the move [s].
-        rate: speed or acceleration of the joint there [rad/s or m/s, or rad/s² or m/s²].
-        duration: shortest duration in which the whole move can be done [s].
+        rate: speed or acceleration of the joint or the tool there [rad/s or m/s, or rad/s² or m/s²].
+        duration: duration in which the whole move would keep this kind of limit, with a margin of 2 % [s].
     """
 
     # The words between "would" and the rate in the message; a subclass sets them.
@@ -83,7 +83,7 @@ class _TooFast(SimrobError):
 
 
 class SpeedLimitExceeded(_TooFast):
-    """Raised when a joint would move faster than it can."""
+    """Raised when a joint would move faster than it can, or the tool faster than its rated speed."""
 
     # The message continues with the speed: "waist would move at 120.0 deg/s".
     _word = message("programs.move_at", "move at")

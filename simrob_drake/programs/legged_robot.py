@@ -62,9 +62,10 @@ class LeggedRobot(LeggedGeometry):
     move does not name stay at their references. Every run continues from the state that the last one left: joints,
     velocities, pose of the trunk.
 
-    A move that cannot be done raises an error before anything moves, and leaves robot and program unchanged. So does a
-    run that diverges, is interrupted, or is ended by a monitor of a fall: nothing of it is stored, and there is nothing
-    to undo; the ``message`` of its result has the reason. A run that another monitor ends counts as done.
+    A move that cannot be done raises an error before anything moves, and leaves robot and program unchanged. A run that
+    diverges, is interrupted, ends because a block fails, or is ended by a monitor of a fall leaves them unchanged, too,
+    but raises no error: nothing of it is stored, and there is nothing to undo; the ``message`` of its result has the
+    reason. A run that another monitor ends counts as done.
 
     Changes of the program move nothing.
 
@@ -154,8 +155,8 @@ class LeggedRobot(LeggedGeometry):
     ) -> SimulationResult:
         """Move axes from the last state, and store the move at the end of the program (AddMove).
 
-        The move is not stored if the run diverges, is interrupted or ends in a fall. For arguments and errors see
-        :meth:`test_move`.
+        The move is not stored if the run diverges, fails, is interrupted or ends in a fall. For arguments and errors
+        see :meth:`test_move`.
         """
         return self._run(move_of(target_deg, duration), True)
 
@@ -352,7 +353,8 @@ class LeggedRobot(LeggedGeometry):
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has its own gains and
         solver. Pieces are attached and released between runs. A monitor that ends a run ends the program. If the last
-        run diverges, is interrupted or ends in a fall, the next move continues from the state before the program.
+        run diverges, fails, is interrupted or ends in a fall, the next move continues from the state before the
+        program.
 
         In an automatic program a sequencer leads the robot to the references, to each one when the joints have reached
         the one before. The ``cells`` of the result have the times. A reference that takes longer than the time-out ends
@@ -525,7 +527,7 @@ class LeggedRobot(LeggedGeometry):
         Args:
             moves: the moves.
             store: whether they are stored at the end of the program afterwards. They are not if the last run diverges,
-                is interrupted or ends in a fall.
+                fails, is interrupted or ends in a fall.
 
         Returns:
             The results. There are fewer than moves if moves of joints follow each other, if a move takes no time, or if
@@ -546,9 +548,9 @@ class LeggedRobot(LeggedGeometry):
     ) -> list[SimulationResult]:
         """Run stages one after the other, and return the results of the runs.
 
-        If a stage raises an error, robot and program are restored. They are, too, if the last run diverged, was
-        interrupted or ended in a fall; its results are still returned. Otherwise the state before can be restored by
-        `undo`. The runs and the times of their moves are kept in :attr:`runs` and :attr:`move_spans`.
+        If a stage raises an error, robot and program are restored. They are, too, if the last run diverged, failed,
+        was interrupted or ended in a fall; its results are still returned. Otherwise the state before can be restored
+        by `undo`. The runs and the times of their moves are kept in :attr:`runs` and :attr:`move_spans`.
 
         Args:
             stages: the stages.
@@ -582,7 +584,8 @@ class LeggedRobot(LeggedGeometry):
         if runs:
             self.runs = runs
             self.move_spans = spans
-        # No next move can begin where the robot has fallen, or where the simulation has diverged.
+        # No next move can begin where the robot has fallen, or where the simulation has diverged, failed or was
+        # interrupted.
         if runs and (runs[-1].ending not in GOES_ON or robot_that_fell(runs[-1]) is not None):
             self._restore(snapshot)
             return runs

@@ -149,7 +149,7 @@ class RecordedStation(StatefulStation):
             strict: whether a run with warnings raises an error. It does, too, if this station is strict.
 
         Returns:
-            All runs as one result, up to a run that diverged or was interrupted.
+            All runs as one result, up to a run that diverged, failed or was interrupted.
 
         Raises:
             VerdictError: a run has warnings, and ``strict`` is True or this station is strict.

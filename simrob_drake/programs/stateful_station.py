@@ -37,7 +37,10 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike, config_of
 
 GOES_ON = ("completed", "monitor")
-"""Endings of a run after which the next run begins where it ended."""
+"""Endings of a run after which the next run begins where it ended.
+
+After others (the run diverged, was interrupted, or a block failed) the station is as it was before the run.
+"""
 
 # Largest distance from the robot's reference at which a plan may begin [rad or m].
 _SAME_PLACE = 1e-9
@@ -47,7 +50,8 @@ class StatefulStation(ABC):
     """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
 
     A move that cannot be done raises an error before anything moves, and leaves the station unchanged. A run that
-    diverges or is interrupted raises no error: its result is returned, and the station is left unchanged, too.
+    diverges, is interrupted or ends because a block fails raises no error: its result is returned, and the station is
+    left unchanged, too.
 
     Attributes:
         config: the station, with its pieces on their present parents.
@@ -202,7 +206,7 @@ class StatefulStation(ABC):
             duration: duration of the run [s]. If it is None, until the last move ends. A shorter one cuts the moves.
 
         Returns:
-            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+            The result of the run. The next run begins where it ended if its ending is one of :data:`GOES_ON`.
 
         Raises:
             InvalidParameter: see :meth:`check_together`; there is neither a plan nor a duration; or the duration is
@@ -281,7 +285,7 @@ class StatefulStation(ABC):
             duration: duration of the run [s].
 
         Returns:
-            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+            The result of the run. The next run begins where it ended if its ending is one of :data:`GOES_ON`.
 
         Raises:
             InvalidParameter: the references are no mapping, or the duration is not positive.
@@ -328,6 +332,7 @@ class StatefulStation(ABC):
 
         Raises:
             VerdictError: the run has warnings, and `strict` is True.
+            SimrobError: the station cannot follow a reference, or a change of the timeline is not possible.
         """
         # The take keeps the station and the state of the start, from which it can be repeated.
         config = self.config
@@ -344,7 +349,7 @@ class StatefulStation(ABC):
                 on_step=self.on_step,
             )
         result = replace(result, did=did, moves=moves).check(self.strict)
-        # A run that has diverged or was interrupted is returned to be looked at, but the station stays as it was.
+        # A run that diverged, was interrupted or failed is returned to be looked at, but the station stays as it was.
         if result.ending in GOES_ON:
             self.state = result.final_state
             self.timeline.now += result.stop_time
@@ -371,7 +376,7 @@ class StatefulStation(ABC):
                 empty if all controllers keep their states.
 
         Returns:
-            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+            The result of the run. The next run begins where it ended if its ending is one of :data:`GOES_ON`.
 
         Raises:
             SimrobError: see :meth:`follow` and :meth:`change`.
@@ -426,8 +431,8 @@ class StatefulStation(ABC):
 
     def play(self, duration: float) -> SimulationResult:
         """Run the station for a time [s] while all robots follow the references of its file, from where they are."""
-        # The references depend on the station's file, so another station cannot repeat them: no entry of a program's
-        # file can describe the run.
+        # The references depend on the station's file, so another station could not repeat them. A recording that has
+        # runs already is no program from here on; one that begins with this run can still be one.
         self.tape.note(None)
         return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
 

@@ -110,7 +110,8 @@ class GetUpMove(Move):
     def _get_up(self, robot: LeggedGeometry) -> SimulationResult:
         """Run the controller until the robot stands or its attempts are over, at most 30 s for each attempt.
 
-        The ending of the result is `completed` if the robot stands. If all attempts have failed, its message says so.
+        The ending of the result is `completed` if the robot stands, and also if that time is over before. If all
+        attempts have failed, the ending is `monitor`, and the message says so.
         """
         station = self.station(robot.cell.config, robot.name)
         references = {robot.name: hold(robot.reference)}
