@@ -188,7 +188,8 @@ class Arm(ArmGeometry):
 
         Args:
             tool: name of one of :attr:`tools`, which are frames of the robot and pieces that it carries, or of a link;
-                or a pose in the frame of the present tool.
+                or a pose in the frame of the present tool, which makes an offset. A name other than ``tcp`` deletes an
+                offset.
 
         Raises:
             UnknownName: there is no such tool.

@@ -57,7 +57,7 @@ class FreeSpace:
     """The postures in which robots that move at the same time do not collide.
 
     The station's collision policy decides what counts as a collision, and by which tolerances. The robots move with
-    the pieces that they carry; all other robots stand still.
+    the pieces that they carry or hold; all other robots stand still.
 
     Attributes:
         model: the station with collision shapes, and its robots in their present postures.
@@ -151,7 +151,9 @@ class FreeSpace:
         return [body for body in bodies if robot_of_body[body] not in self.start][:most]
 
     def carried_points(self, robot: str) -> Vector:
-        """Corners of the bounding boxes of the pieces that a robot carries or holds, shape (k, 3) [m].
+        """Corners of the bounding boxes of the pieces on a robot's tools or between its fingers, shape (k, 3) [m].
+
+        Pieces on links that are no tools, such as a backpack on a trunk, do not count.
 
         The corners are in the world, at the start. Without any piece, k is 0. As a side effect, the robots of the model
         are placed in their start postures.

@@ -86,7 +86,7 @@ class CellRobot:
 
     @property
     def tools(self) -> list[str]:
-        """Names of the tool frames, and of the pieces that the robot carries."""
+        """Names of the robot's tools, and of the pieces that it carries; also ``tcp`` if its tool has an offset."""
         return list(self.cell.robot(self.name).tools)
 
     @property

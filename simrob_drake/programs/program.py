@@ -178,7 +178,7 @@ class Program(Strict):
 
     @property
     def duration(self) -> float:
-        """Duration of all moves of joints [s]. That of walks and acts depends on the robot, and is not included."""
+        """Duration of all moves of joints [s]. Other moves, such as walks, acts and waits, are not included."""
         return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:

@@ -530,7 +530,8 @@ class StatefulStation(ABC):
                 tool,
                 [*station_robot.tools, *station_robot.model.links],
             )
-            # The same tool again keeps its offset.
+            # With an offset the tool centre point is the tool `tcp`: this name keeps the offset. The name of the tool
+            # itself is another one, and deletes the offset.
             changes: dict[str, object] = (
                 {} if tool == station_robot.tcp else {"tcp": tool, "tcp_offset": None}
             )

@@ -143,7 +143,7 @@ def plan_move_free(
     show_search: bool = False,
     **how: Unpack[How],
 ) -> Plan:
-    """Plan a move around obstacles to any posture that reaches the target, with what the arm carries.
+    """Plan a move around obstacles to any posture that reaches the target, with what the arm carries or holds.
 
     A straight path of the axes is tried first. Otherwise a search that grows two trees of postures finds the path,
     which is then shortened and rounded. No checked posture has a collision, not even of the arm with itself. Bodies
@@ -480,7 +480,10 @@ def _search_range(planning: Planning, goals: Vector) -> Vector:
 
 
 def _distance_scale(planning: Planning, space: FreeSpace) -> Vector:
-    """Largest distance that a radian (or metre) of each axis moves the tool or what it carries, shape (n,) [m]."""
+    """Largest distance that a radian (or metre) of each axis moves the tool or the pieces on it, shape (n,) [m].
+
+    It is estimated, and at least 0.1 m; see :func:`metres_per_radian`.
+    """
     tool = planning.pose
     # From the world to the frame of the tool: R' (p - t), here for rows.
     carried_points = (space.carried_points(planning.robot) - tool[:3, 3]) @ tool[:3, :3]
