@@ -152,7 +152,7 @@ def release_piece(
 
 
 def _missing_to_fall(model: StationModel, config: StationConfig, piece: str) -> str:
-    """Explain why a piece cannot fall and come to rest: no contact, no shape that collides, or no mass.
+    """Explain why a piece cannot fall and come to rest: no contact, no shape that collides, or no mass or inertia.
 
     The explanation is empty if nothing is missing. Whether there is ground below is not checked here.
 

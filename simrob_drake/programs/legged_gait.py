@@ -43,7 +43,7 @@ _SAME = 1e-9  # largest difference of two postures that are the same [rad]
 # Largest error of a joint [rad] and speed [rad/s] of a robot at rest. Its weight alone causes errors up to 0.01.
 _AT_REST = 0.02
 _MOVED_ARM = 1.0  # least distance of an arm from home at which a gait leaves it where it is [deg]
-_NEAR = 0.05  # longest distance from the soles down to the ground on which a robot stands [m]
+_NEAR = 0.05  # longest distance from the soles down to the boxes on which a robot stands if there is no floor [m]
 # How much lower the hips may be if the legs are too short, as parts of their height; tried one after the other.
 _LOWER_BY = (0.0, 0.03, 0.06, 0.1)
 _SAMPLE = 0.01  # time between the samples of the motion into the first posture [s]
@@ -256,6 +256,8 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
 def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, name: str) -> None:
     """Check that a robot stands on the ground, or is held by its trunk, as a gait needs it. Some gaits need neither.
 
+    A floor counts as ground under the robot, however far below. Without a floor, all feet need a fixed box within 5 cm.
+
     Args:
         robot: the robot.
         station: the station as it will be.
@@ -263,7 +265,8 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
         name: name of the gait for the message.
 
     Raises:
-        InvalidParameter: the robot stands in another way.
+        InvalidParameter: the gait is for a held trunk, and this one is free; or the gait is on feet, and the trunk is
+            held, or the station is kinematic or has no contact or no such ground.
     """
     model = robot.model
     config = station.config

@@ -238,7 +238,8 @@ class LeggedRobot(LeggedGeometry):
             store: whether the walk is stored at the end of the program.
 
         Raises:
-            InvalidParameter: the robot has no such walk, or a value is invalid.
+            InvalidParameter: a value is invalid, or `strict` is True and the legs cannot follow the command.
+            SimrobError: the robot does not stand on feet of its own or has no such walk, or the station is kinematic.
         """
         return self._run(GoMove.at(ahead, sideways, turn, duration=duration, strict=strict), store)
 

@@ -241,7 +241,8 @@ class GoMove(Move):
             start: the larger one of the robot's distances from the world's origin along x and along y [m].
 
         Raises:
-            SimrobError: the robot does not stand on feet of its own or has no such walk, or the station is kinematic.
+            SimrobError: the robot does not stand on feet of its own or has no such walk, the station is kinematic, or
+                `strict` is set and the legs cannot follow the command.
         """
         walks = {
             key: section for key, section in config.controllers.items() if isinstance(section, Walk)
