@@ -237,7 +237,7 @@ class StationModel(PosedStation):
 
     @property
     def holders(self) -> dict[str, str]:
-        """Name of the robot whose fingers hold a piece, for each piece that is held."""
+        """Name of the robot that holds a piece between its fingers, by piece, as :meth:`place_state` has found it."""
         # The usual case comes first, because this property is read in every collision check.
         if not self._holds:
             return {}
