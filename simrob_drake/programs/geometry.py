@@ -400,6 +400,7 @@ class LeggedGeometry(CellRobot):
         Raises:
             Unreachable: no posture reaches a pose. The message names it, why, and how near the best posture comes.
             UnknownName: there is no such tool, frame or solver.
+            InvalidParameter: a value is no pose, or it is in other units than m and rad; or the start is no posture.
         """
         chain = self.chain(tool, _base_of(frame))
         begin = self.reference if start is None else one_posture(start, len(self.axes), "start")

@@ -315,6 +315,7 @@ class Planning:
 
         Raises:
             UnknownName: there is no such solver.
+            SimrobError: the solver does not suit the arm and its tool, or cannot be imported; see :func:`solver_for`.
         """
         # A move may name its own solver, such as one that allows the tool to turn.
         return solver_for(self.chain, self.solver if solver is None else solver)

@@ -277,10 +277,10 @@ class StatefulStation(ABC):
             self.check_collisions(*plans)
 
     def follow(self, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
-        """Run references, while the other robots hold their positions.
+        """Run references, while the robots without one rest at their references of the last run.
 
         Args:
-            references: reference of each robot by name, as :func:`simrob_drake.simulate` accepts it. The caller makes
+            references: reference of some robots by name, as :func:`simrob_drake.simulate` accepts it. The caller makes
                 sure that it begins where the robot is, so that nothing jumps.
             duration: duration of the run [s].
 

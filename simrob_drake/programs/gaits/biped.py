@@ -106,7 +106,7 @@ def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
     for name, foot in feet.items():
         left = foot.home[1] + foot.side * gait.widen
         start[name] = np.array([0.0, left, 0.0])  # x, y, turn
-    # At the start the weight is on both feet, so the zero-moment point is half-way between them.
+    # At the start the weight is on both feet: the zero-moment point is half-way between them, ahead by `zmp_ahead`.
     plan = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _walk_phases(steps, gait, start))
     motion, zmp = WholeBody(walker, gait, plan).solve()
     return PlannedWalk(motion, plan.zmp, zmp)

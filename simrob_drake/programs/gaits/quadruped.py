@@ -184,6 +184,11 @@ class Stand(SolvedGait):
             walker: the robot.
             steps: not used.
             amplitude: not used.
+
+        Raises:
+            UnknownName: the robot has no foot of this name, or no feet of the kind that the gait names.
+            InvalidParameter: the robot has other feet, or no position is as far inside the triangle as `inside`.
+            OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
         """
         start = _start_footholds(walker, self)
         if self.foot not in start:

@@ -93,7 +93,8 @@ class JointMove(Move):
             name: name of the move for messages.
 
         Raises:
-            Unsuitable: the move has a `check`, which only arms do; or an axis has no motor.
+            Unsuitable: the move has a `check` other than the default, which only arms do; or the station is dynamic,
+                and an axis of the move has no motor.
             SimrobError: a target is wrong, see :func:`targets_on`.
         """
         # Everything that can be wrong is found now, before any move of the program runs.

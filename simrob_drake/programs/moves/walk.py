@@ -73,8 +73,8 @@ class GaitMove(Move):
         Raises:
             SimrobError: the robot cannot perform the gait. The stage raises it, too, if it plans again.
         """
-        # A gait leaves arms (axes in no leg) where earlier moves have put them: its plan depends on their positions.
-        # Here they are where they are before the program.
+        # A gait whose legs are solved leaves arms (axes in no leg) where earlier moves have put them: its plan depends
+        # on their positions. Here they are where they are before the program.
         arms_at_check = taught_arms(robot)
         # The plan of the check, as long as it is valid. It is taken out of the list when it runs, which frees its
         # memory. If the list is empty, the stage plans again.
