@@ -454,9 +454,10 @@ class StatefulStation(ABC):
         Args:
             piece: name of the piece. Pieces that are attached to it stay attached.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-            frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
-                instead of its first tool, such as the trunk for a backpack.
-            pose: pose of the piece in the parent's frame, to which it jumps from wherever it is.
+            frame: a frame of the parent piece; or a tool or link of the robot, such as the trunk for a backpack. If it
+                is None, the tool centre point of the piece, or the first tool of the robot.
+            pose: pose of the piece in the parent's frame, to which it jumps from wherever it is. If it is None, the
+                piece stays where it is.
 
         Raises:
             UnknownName: there is no such piece, parent or frame.
@@ -487,7 +488,7 @@ class StatefulStation(ABC):
         Args:
             piece: name of the piece.
             parent: ``world``, or a piece on which it is fixed from then on.
-            frame: a frame of that piece, instead of its tool centre point.
+            frame: a frame of that piece. If it is None, its tool centre point.
             fixed: whether the piece stays where it is in the world of a dynamic station, too, instead of falling.
 
         Raises:

@@ -321,8 +321,8 @@ class Timeline:
         """Command of the changes to a robot's controller at a time of a run. Each holds for times after its own time.
 
         Args:
-            robot: name of the robot.
-            only_robot: name of the station's robot if it has one only, which changes need not name.
+            robot: name of the robot. It is None if the controller names none and the station has several robots.
+            only_robot: name of the station's robot if it has one only, which changes need not name; else None.
             numbers: names of the numbers of the controller's command, in order. Others of the change have no effect.
             begin: time at which the run began, since the timeline began [s].
             time: time since the run began [s].

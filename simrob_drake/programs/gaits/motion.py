@@ -371,7 +371,7 @@ class Gait(Strict):
 
         Args:
             model: the robot.
-            worn: kind of feet that the robot has in its station.
+            worn: kind of feet that the robot has in its station. If it is None, the robot has no feet.
             key: key of the station that chooses the kind of feet, for the message.
 
         Raises:

@@ -152,9 +152,10 @@ def plan_move_free(
     Args:
         planning: the start of the move: posture, limits, surroundings.
         targets: a pose of the tool in the work object's frame, a place (3,) that keeps its orientation, or the name of
-            a piece or of one of its frames, where the tool is to be.
-        joints: instead of it a posture (n,) [rad or m], or one of the robot's by name, such as ``home``.
-        wobj: the work object.
+            a piece or of one of its frames, where the tool is to be. It is None if `joints` is given.
+        joints: a posture (n,) [rad or m], or one of the robot's by name, such as ``home``. It is None if `targets` is
+            given.
+        wobj: the work object. If it is None, the world.
         free_turn: whether the tool may reach the target at any angle about its z axis.
         seed: seed of the search. The same seed gives the same path, if the search has enough time.
         planning_time: longest duration of the search [s].
