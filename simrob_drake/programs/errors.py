@@ -253,11 +253,12 @@ class GoalInCollision(NoFreePath):
         Args:
             target: name of the target.
             count: count of postures that were tried, at least 1. All of them reach the target.
-            depth: depth of the overlap in the posture where it is least [m].
-            bodies: names of the two bodies that overlap in this posture, the moving one first.
+            depth: depth of the deepest overlap in the posture where this depth is least [m].
+            bodies: names of the two bodies of this overlap, the moving one first.
         """
         has_several = count > 1
-        # One posture has one collision. Of several postures, the message describes the collision that is least deep.
+        # Each posture counts with its deepest overlap. Of several postures, the message describes the one where this
+        # overlap is least deep.
         which = message("programs.the_only_posture", "the only posture that reaches it")
         if has_several:
             which = message(
