@@ -50,9 +50,9 @@ Result = TypeVar("Result")
 class Planner(Planning):
     """Plans and checks moves of one robot from where it is. Nothing moves.
 
-    All moves begin at rest at the robot's reference, and rest at their end. With several targets they rest at each of
-    them, unless they have a ``zone``. Only ``move_abs_j`` and ``move_j`` pass the targets smoothly, unless ``stop`` is
-    set.
+    All moves begin at rest at the robot's reference, and rest at their end. With several targets, those with a ``zone``
+    turn to the next target near each one, and others rest at each of them. Only ``move_abs_j`` and ``move_j`` without
+    ``zone`` and ``stop`` pass the targets smoothly.
     """
 
     # As methods of a class, these functions get the planner as their first argument.
@@ -138,7 +138,9 @@ class Arm(ArmGeometry):
 
         Raises:
             UnknownName: there is no such station, robot or tool.
-            InvalidParameter: the robot has no tool, or a base that moves.
+            InvalidParameter: the robot has no tool, or a base that moves; none is named and the station has no robot or
+                several; or there are overrides for a workcell.
+            SimrobError: kinematics do not support a joint of the robot.
         """
         # The base class has any station with state. An arm needs a workcell, which records its runs.
         self.cell: Workcell
@@ -186,7 +188,8 @@ class Arm(ArmGeometry):
 
         Args:
             tool: name of one of :attr:`tools`, which are frames of the robot and pieces that it carries, or of a link;
-                or a pose in the frame of the present tool.
+                or a pose in the frame of the present tool, which makes an offset. A name other than ``tcp`` deletes an
+                offset.
 
         Raises:
             UnknownName: there is no such tool.
@@ -288,14 +291,14 @@ class Arm(ArmGeometry):
         frame: str | None = None,
         pose: PoseLike | None = None,
     ) -> None:
-        """Attach a piece to the present tool of the arm, or to another ``parent``; see :meth:`Workcell.attach`.
+        """Attach a piece to the arm or to another ``parent``; see :meth:`Workcell.attach`.
 
         Without ``parent``, the piece is attached to the tool in use if that is a piece itself. Otherwise it is attached
         to the robot: at ``frame``, or else at the robot's first tool.
 
         Args:
             piece: name of the piece.
-            parent: ``world``, a robot or another piece. If it is None, the present tool of the arm.
+            parent: ``world``, a robot or another piece. If it is None, the piece in use as tool, or else the robot.
             frame: a frame of the parent piece, or a tool or link of the robot.
             pose: pose of the piece in the parent's frame, to which it jumps. If it is None, the piece stays where it
                 is, and must be near.
@@ -343,7 +346,8 @@ class Arm(ArmGeometry):
             duration: duration of all runs together [s]. If it is None, as recorded.
             automatic: whether :attr:`references` run instead, from the station's start; or options for that, see
                 :meth:`LeggedRobot.simulate`.
-            strict: whether a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`.
+            strict: whether a run with warnings raises a :class:`~simrob_drake.base.errors.VerdictError`. It does, too,
+                if the workcell is strict.
 
         Raises:
             Unsuitable: a duration is given for an automatic program, or there is nothing to run.
@@ -439,8 +443,9 @@ class Workcell(RecordedStation):
     def perform(self, program: Program | Path | str) -> SimulationResult:
         """Run a program of arms from the present state of the station.
 
-        The program is checked before anything moves, up to a move that depends on where a piece comes to rest. A run
-        that a monitor ends is the last one. If a move cannot be done, the station is left unchanged.
+        The program is checked before anything moves, up to a move that depends on what only a run shows, see
+        :meth:`rehearse`. A run that does not complete (a monitor or the user ends it, it diverges, or a block fails) is
+        the last one. If a move cannot be done, the station is left unchanged.
 
         Args:
             program: a program, or its YAML file; see :class:`Program`.

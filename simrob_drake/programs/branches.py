@@ -3,8 +3,8 @@
 A branch is one of the postures that bring the tool to the pose, such as "elbow up". For each branch this module
 finds the torque that holds it, the distance of the axes to their limits, and what the arm would collide with.
 
-The surroundings of a robot are all bodies that neither belong to it nor are carried by it, also other robots. A body
-may consist of several *shapes*, between which distances are computed.
+The surroundings of a robot are all bodies that neither belong to it nor are carried by it or held between its fingers,
+also other robots. A body may consist of several *shapes*, between which distances are computed.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -44,12 +44,13 @@ class AxisValue(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """The smallest distance between an arm, with what it carries, and its surroundings.
+    """The smallest distance between an arm, with what it carries or holds, and its surroundings.
 
     Attributes:
-        distance: distance [m]; negative if the bodies overlap, infinite if there is nothing around the arm.
-        body: name of the arm's body; empty if there is nothing around.
-        other: name of the other body; empty if there is nothing around.
+        distance: distance [m]; negative if the bodies overlap. It is infinite if no pair of bodies counts, see
+            :func:`gaps`.
+        body: name of the arm's body; empty if no pair counts.
+        other: name of the other body; empty if no pair counts.
     """
 
     distance: float
@@ -148,10 +149,12 @@ class Branches:
             evaluate: evaluates a posture (n,).
 
         Returns:
-            The postures, usable ones first; none if no posture reaches the target.
+            The postures, usable ones first; others are beyond a limit, in collision or too heavy. There are none if no
+            posture reaches the target.
 
         Raises:
-            InvalidParameter: `held` is not a mapping, or contains positions that are no numbers.
+            InvalidParameter: `held` is not a mapping, or contains positions that are no finite numbers; or the start
+                has a wrong shape.
             UnknownName: `held` names an unknown axis.
         """
         instance(
@@ -266,14 +269,14 @@ def collision(model: StationModel, robot: str, now: Vector, posture: Vector) -> 
 def _surroundings(model: StationModel, robot: str) -> Distances:
     """Distances of all pairs of shapes between a robot and its surroundings.
 
-    One shape of each pair belongs to the robot (or to what it carries), and the other does
-    not. The robot's shape is first. Pairs that the station filters from collisions are left out. The
-    returned object computes the distances in any posture of the model.
+    One shape of each pair belongs to the robot (or to what it carries or holds), and the other does not. The robot's
+    shape is first. Pairs that the station filters from collisions are left out. The returned object computes the
+    distances in any posture of the model.
     """
     inspector = model.station.scene_graph.model_inspector()
     is_of_robot: dict[GeometryId, bool] = {}
     for shape in inspector.GetAllGeometryIds(Role.kProximity):
-        # name of the robot that the shape belongs to, or an empty text
+        # Name of the robot that the shape belongs to, or that carries or holds it; or an empty text.
         _, owner = model.policy.owner(shape)
         is_of_robot[shape] = owner == robot
     pairs = []

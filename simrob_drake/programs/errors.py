@@ -14,7 +14,7 @@ class JointLimitExceeded(SimrobError):
 
     Attributes:
         axis: name of the joint.
-        point: number of the point of the move, counted from 1.
+        point: number of the point of the move, counted from 1. It is 0 for a gait, which has no points.
         time: time of the point since the start of the move [s].
         value: position of the joint there [rad or m].
     """
@@ -40,14 +40,14 @@ class JointLimitExceeded(SimrobError):
 
 
 class _TooFast(SimrobError):
-    """Raised when a joint would exceed a limit of its speed or acceleration in a move.
+    """Raised when a joint or the tool would exceed a limit of its speed, or a joint one of its acceleration, in a move.
 
     Attributes:
-        axis: name of the joint.
+        axis: name of the joint, or "the tool".
         point: number of the point of the move, counted from 1.
         time: time of the point since the start of the move [s].
-        rate: speed or acceleration of the joint there [rad/s or m/s, or rad/s² or m/s²].
-        duration: shortest duration in which the whole move can be done [s].
+        rate: speed or acceleration of the joint or the tool there [rad/s or m/s, or rad/s² or m/s²].
+        duration: duration in which the whole move would keep this kind of limit, with a margin of 2 % [s].
     """
 
     # The words between "would" and the rate in the message; a subclass sets them.
@@ -83,7 +83,7 @@ class _TooFast(SimrobError):
 
 
 class SpeedLimitExceeded(_TooFast):
-    """Raised when a joint would move faster than it can."""
+    """Raised when a joint would move faster than it can, or the tool faster than its rated speed."""
 
     # The message continues with the speed: "waist would move at 120.0 deg/s".
     _word = message("programs.move_at", "move at")
@@ -240,7 +240,7 @@ class StartInCollision(NoFreePath):
 
 
 class GoalInCollision(NoFreePath):
-    """Raised when bodies overlap in every posture that reaches the goal of a move around obstacles.
+    """Raised when bodies overlap in every posture that was tried as the goal of a move around obstacles.
 
     Attributes:
         bodies: names of two bodies that overlap in the best posture, the moving one first.
@@ -252,12 +252,13 @@ class GoalInCollision(NoFreePath):
 
         Args:
             target: name of the target.
-            count: count of postures that reach it, at least 1.
-            depth: depth of the overlap in the posture where it is least [m].
-            bodies: names of the two bodies that overlap in this posture, the moving one first.
+            count: count of postures that were tried, at least 1. All of them reach the target.
+            depth: depth of the deepest overlap in the posture where this depth is least [m].
+            bodies: names of the two bodies of this overlap, the moving one first.
         """
         has_several = count > 1
-        # One posture has one collision. Of several postures, the message describes the collision that is least deep.
+        # Each posture counts with its deepest overlap. Of several postures, the message describes the one where this
+        # overlap is least deep.
         which = message("programs.the_only_posture", "the only posture that reaches it")
         if has_several:
             which = message(

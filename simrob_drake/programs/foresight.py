@@ -1,8 +1,8 @@
 """State of a station after moves that are only looked at: no simulation, but fingers close on pieces and carry them.
 
-A run shows where fingers stop and where a piece is then. Without a run, fingers stop where two links of
-their robot touch a piece that lies free. From then on the piece moves with them, until they open. The *reference* of a
-robot is where its axes should be: fingers that a piece stops do not reach theirs.
+A run shows where fingers stop and where a piece is then. Without a run, fingers stop where two bodies of their robot
+(links, or pieces that it carries) touch a piece that lies free. From then on the piece moves with them, until they
+open. The *reference* of a robot is where its axes should be: fingers that a piece stops do not reach theirs.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -133,9 +133,10 @@ def _positions_with_grips(
 
 
 def _grip_posture(model: StationModel, plan: Plan, fingers: list[int]) -> Vector | None:
-    """Find the posture (n,) [rad or m] of a move in which fingers first touch a free piece from two sides.
+    """Find the first posture (n,) [rad or m] of a move in which two bodies of the robot touch a free piece.
 
-    Returns None if the move does not close them on a piece. The model's robot is left in a posture of the move.
+    Returns None if the move does not close them on a piece. If the move moves its fingers, the model's robot is left in
+    a posture of the move.
 
     Args:
         model: collision model of the station.

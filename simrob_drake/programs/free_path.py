@@ -9,7 +9,7 @@ Distances between postures are measured in metres: a radian of an axis counts as
 the tool.
 
 The collision policy of a station decides which pairs of bodies collide, and from which overlap on (their tolerance).
-The owner of a body is the robot to which it belongs, or that carries it.
+The owner of a body is the robot to which it belongs, or that carries it or holds it between its fingers.
 """
 
 from collections import Counter
@@ -57,7 +57,7 @@ class FreeSpace:
     """The postures in which robots that move at the same time do not collide.
 
     The station's collision policy decides what counts as a collision, and by which tolerances. The robots move with
-    the pieces that they carry; all other robots stand still.
+    the pieces that they carry or hold; all other robots stand still.
 
     Attributes:
         model: the station with collision shapes, and its robots in their present postures.
@@ -139,7 +139,7 @@ class FreeSpace:
         return bool(found)
 
     def obstacles(self, most: int = 3) -> list[str]:
-        """Names of the bodies with which the search collided most often, without the robots that move.
+        """Names of the bodies in which the search collided most often, without robots that move and what they carry.
 
         Args:
             most: largest count of names.
@@ -151,7 +151,9 @@ class FreeSpace:
         return [body for body in bodies if robot_of_body[body] not in self.start][:most]
 
     def carried_points(self, robot: str) -> Vector:
-        """Corners of the bounding boxes of the pieces that a robot carries or holds, shape (k, 3) [m].
+        """Corners of the bounding boxes of the pieces on a robot's tools or between its fingers, shape (k, 3) [m].
+
+        Pieces on links that are no tools, such as a backpack on a trunk, do not count.
 
         The corners are in the world, at the start. Without any piece, k is 0. As a side effect, the robots of the model
         are placed in their start postures.
@@ -271,6 +273,7 @@ class Search:
 
         Raises:
             NoFreePath: no path was found within `seconds`; names the bodies in the way.
+            SimrobError: no straight line is free, and OMPL is not installed.
         """
         start = self.space.posture
         for goal in goals[:_STRAIGHT_TRIES]:

@@ -86,7 +86,7 @@ class CellRobot:
 
     @property
     def tools(self) -> list[str]:
-        """Names of the tool frames, and of the pieces that the robot carries."""
+        """Names of the robot's tools, and of the pieces that it carries; also ``tcp`` if its tool has an offset."""
         return list(self.cell.robot(self.name).tools)
 
     @property
@@ -148,6 +148,10 @@ class ArmGeometry(CellRobot):
             wobj: None or ``"world"`` for the world; the name of a piece, one of its frames as ``piece.frame``, the name
                 of a robot or an arm (its tool centre point now); or a pose in any form. This arm, or its own name,
                 means its tool at its reference.
+
+        Raises:
+            UnknownName: there is no such piece, frame or robot.
+            InvalidParameter: the value is no pose, or it is in other units than m and rad.
         """
         # A move begins at the reference: targets in the tool's own frame are measured from there, not from where
         # servos sag.
@@ -160,10 +164,15 @@ class ArmGeometry(CellRobot):
 
         Args:
             q: postures (n,) or (k, n) [rad or m]. If it is None, where the arm is.
-            wobj: the work object in whose frame the pose is returned. If it is None or ``"world"``, the world.
+            wobj: the work object in whose frame the pose is returned, see :meth:`frame`. If it is None or ``"world"``,
+                the world.
 
         Returns:
             [x y z Rz Ry Rx] [m, rad], shape (6,), or (k, 6) for several postures.
+
+        Raises:
+            UnknownName: there is no such work object.
+            InvalidParameter: the postures have a wrong shape or are not finite, or the work object is no pose.
         """
         return self._poses(self.chain, self.frame(wobj).inverse(), q)
 
@@ -189,7 +198,8 @@ class ArmGeometry(CellRobot):
 
         Raises:
             Unreachable: no posture reaches a pose. The message names it, why, and how near the best posture comes.
-            InvalidParameter: a value is no pose, or it is in other units than m and rad.
+            UnknownName: there is no such work object or solver.
+            InvalidParameter: a value is no pose, or it is in other units than m and rad; or the start is no posture.
         """
         chain = self.chain
         begin = self.position if start is None else start
@@ -208,7 +218,7 @@ class ArmGeometry(CellRobot):
         held: Mapping[str, npt.ArrayLike] | None = None,
         start: npt.ArrayLike | None = None,
     ) -> Branches:
-        """Find every posture that brings the tool to a pose, with its torque, its distance to limits and its collision.
+        """Find every posture that brings the tool to a pose, also beyond limits, with its torque, distances, overlap.
 
         Args:
             pose: a pose, or a place, which keeps the orientation that the tool has.
@@ -221,7 +231,8 @@ class ArmGeometry(CellRobot):
             The postures; as text they are a table. It is empty if no posture reaches the pose.
 
         Raises:
-            InvalidParameter: several poses are given.
+            InvalidParameter: several poses are given, or a value is no pose, no posture or no position.
+            UnknownName: there is no such work object, or `held` names an unknown axis.
         """
         chain = self.chain
         begin = self.position if start is None else start
@@ -389,6 +400,7 @@ class LeggedGeometry(CellRobot):
         Raises:
             Unreachable: no posture reaches a pose. The message names it, why, and how near the best posture comes.
             UnknownName: there is no such tool, frame or solver.
+            InvalidParameter: a value is no pose, or it is in other units than m and rad; or the start is no posture.
         """
         chain = self.chain(tool, _base_of(frame))
         begin = self.reference if start is None else one_posture(start, len(self.axes), "start")

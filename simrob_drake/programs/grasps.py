@@ -50,8 +50,8 @@ def take_piece(
         model: the station as it is now.
         piece: name of the piece, which stays where it is.
         parent: ``world``, a robot or another piece.
-        frame: frame of the parent piece instead of its tool centre point, or tool or link of the robot instead of its
-            first tool.
+        frame: frame of the parent piece, or tool or link of the robot. If it is None, the tool centre point of the
+            piece, or the first tool of the robot.
 
     Raises:
         InvalidParameter: a robot takes the piece, perhaps by another piece, from a larger distance than :data:`REACH`.
@@ -112,7 +112,7 @@ def release_piece(
         model: the station as it is now.
         piece: name of the piece.
         parent: ``world``, or another piece.
-        frame: frame of the parent piece instead of its tool centre point.
+        frame: frame of the parent piece. If it is None, its tool centre point.
         fixed: whether the piece stays where it is in the world of a dynamic station, too, instead of falling.
 
     Raises:
@@ -152,7 +152,7 @@ def release_piece(
 
 
 def _missing_to_fall(model: StationModel, config: StationConfig, piece: str) -> str:
-    """Explain why a piece cannot fall and come to rest: no contact, no shape that collides, or no mass.
+    """Explain why a piece cannot fall and come to rest: no contact, no shape that collides, or no mass or inertia.
 
     The explanation is empty if nothing is missing. Whether there is ground below is not checked here.
 

@@ -43,7 +43,7 @@ _SAME = 1e-9  # largest difference of two postures that are the same [rad]
 # Largest error of a joint [rad] and speed [rad/s] of a robot at rest. Its weight alone causes errors up to 0.01.
 _AT_REST = 0.02
 _MOVED_ARM = 1.0  # least distance of an arm from home at which a gait leaves it where it is [deg]
-_NEAR = 0.05  # longest distance from the soles down to the ground on which a robot stands [m]
+_NEAR = 0.05  # longest distance from the soles down to the boxes on which a robot stands if there is no floor [m]
 # How much lower the hips may be if the legs are too short, as parts of their height; tried one after the other.
 _LOWER_BY = (0.0, 0.03, 0.06, 0.1)
 _SAMPLE = 0.01  # time between the samples of the motion into the first posture [s]
@@ -63,10 +63,10 @@ def planned_gait(
 
     Args:
         robot: the robot.
-        name: name of the gait. If it is None, the first one with steps for its feet.
+        name: name of the gait. If it is None, the first one for its feet: with steps if `steps` is given, else without.
         changes: values of parameters that replace those of the gait.
         steps: count of steps. It is None for gaits without steps.
-        amplitude: factor of the step length.
+        amplitude: factor of the parameters that the gait scales, such as the step length.
         station: the station as it will be. If it is None, as it is.
         bends: whether the hips may be lower if the legs are too short. They may always under a load or on a slope, and
             never if `changes` sets a bearing.
@@ -124,7 +124,7 @@ def planned_gait(
         gait.check_feet(model, worn, feet_key)
 
     def plan(**others: Any) -> JointMotion:
-        """Plan the gait with further changes of its parameters, which come before those of the user."""
+        """Plan the gait with further changes of its parameters, which replace those of the user."""
         return gait.with_changes({**changes, **others}, amplitude, name).plan(
             walker, steps or 0, amplitude
         )
@@ -147,8 +147,8 @@ def planned_gait(
 def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
     """Run a planned gait from where a robot stands, and return the result. A floor that had to become larger stays so.
 
-    A motion into the first posture comes before it. During the run the station has the gains and the steps of the
-    solver that the gait needs.
+    A motion into the first posture comes before it, unless the robot rests there already. During the run the station
+    has the gains and the steps of the solver that the gait needs.
 
     Args:
         robot: the robot.
@@ -165,7 +165,7 @@ def perform(robot: LeggedGeometry, motion: JointMotion) -> SimulationResult:
 
 
 def taught_arms(robot: LeggedGeometry, feet: str | None = None) -> dict[str, float]:
-    """Find the axes in no leg that were moved away from home. A gait leaves them there.
+    """Find the axes in no leg whose references are more than 1 degree from home. A solved gait leaves them there.
 
     Args:
         robot: the robot.
@@ -203,14 +203,15 @@ def _with_arms(gait: SolvedGait, model: RobotModel, arms: dict[str, float]) -> S
 
 
 def _plan_within_reach(plan: Callable[..., JointMotion], gait: SolvedGait) -> JointMotion:
-    """Plan a gait with hips that are only as much lower as the legs need, at most by a tenth of their height.
+    """Plan a gait with hips that are as high as the legs allow: unchanged, or lower by 3, 6 or 10 % of their height.
 
     Args:
         plan: function that plans the gait. Its keyword arguments replace parameters.
         gait: the gait.
 
     Raises:
-        OutOfReach: the legs are too short even for the lowest hips. It is the error of the highest ones.
+        OutOfReach: even with the lowest hips a leg is too short, or a joint is beyond a limit. It is the error of the
+            highest hips.
     """
     bearing = gait.bearing
     problems = list[OutOfReach]()
@@ -255,6 +256,8 @@ def _walker(robot: LeggedGeometry, station: ResolvedStation) -> Walker:
 def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, name: str) -> None:
     """Check that a robot stands on the ground, or is held by its trunk, as a gait needs it. Some gaits need neither.
 
+    A floor counts as ground under the robot, however far below. Without a floor, all feet need a fixed box within 5 cm.
+
     Args:
         robot: the robot.
         station: the station as it will be.
@@ -262,7 +265,8 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
         name: name of the gait for the message.
 
     Raises:
-        InvalidParameter: the robot stands in another way.
+        InvalidParameter: the gait is for a held trunk, and this one is free; or the gait is on feet, and the trunk is
+            held, or the station is kinematic or has no contact or no such ground.
     """
     model = robot.model
     config = station.config

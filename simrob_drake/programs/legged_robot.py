@@ -62,9 +62,10 @@ class LeggedRobot(LeggedGeometry):
     move does not name stay at their references. Every run continues from the state that the last one left: joints,
     velocities, pose of the trunk.
 
-    A move that cannot be done raises an error before anything moves, and leaves robot and program unchanged. So does a
-    run that diverges, is interrupted, or is ended by a monitor of a fall: nothing of it is stored, and there is nothing
-    to undo; the ``message`` of its result has the reason. A run that another monitor ends counts as done.
+    A move that cannot be done raises an error before anything moves, and leaves robot and program unchanged. A run that
+    diverges, is interrupted, ends because a block fails, or is ended by a monitor of a fall leaves them unchanged, too,
+    but raises no error: nothing of it is stored, and there is nothing to undo; the ``message`` of its result has the
+    reason. A run that another monitor ends counts as done.
 
     Changes of the program move nothing.
 
@@ -154,7 +155,8 @@ class LeggedRobot(LeggedGeometry):
     ) -> SimulationResult:
         """Move axes from the last state, and store the move at the end of the program (AddMove).
 
-        The move is not stored if the run diverges or the robot falls. For arguments and errors see :meth:`test_move`.
+        The move is not stored if the run diverges, fails, is interrupted or ends in a fall. For arguments and errors
+        see :meth:`test_move`.
         """
         return self._run(move_of(target_deg, duration), True)
 
@@ -163,7 +165,8 @@ class LeggedRobot(LeggedGeometry):
 
         A robot whose ``gaits.yaml`` has a sequence ``step``, such as the humanoid of MATLAB, goes through its postures
         by moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. Other
-        robots take one step of full length by the first gait for their feet, and bring their feet together.
+        robots, and this one on much smaller feet, take one step of full length by the first gait for their feet, and
+        bring their feet together.
 
         Args:
             move_time: duration of each of the moves, 1 in the thesis, or of each step of the gait [s]. If it is None,
@@ -190,8 +193,8 @@ class LeggedRobot(LeggedGeometry):
         """Walk from the last state (Marcha).
 
         The robot first moves into the posture in which its gait begins, in up to 2.5 s. If it is in this posture, it
-        walks at once. While it walks, the gains of the servos are those of the gait, and steps of the solver are at
-        most 10 ms. The floor becomes as large as the walk needs, and stays so.
+        walks at once. While it walks, the gains of the servos are those of the gait if it has any, and steps of the
+        scheme `cenic` are at most 5 ms. The floor becomes as large as the walk needs, and stays so.
 
         Args:
             steps: count of full steps ahead. The steps of the ramps (``ramp_steps``) and the last one, which brings the
@@ -235,7 +238,8 @@ class LeggedRobot(LeggedGeometry):
             store: whether the walk is stored at the end of the program.
 
         Raises:
-            InvalidParameter: the robot has no such walk, or a value is invalid.
+            InvalidParameter: a value is invalid, or `strict` is True and the legs cannot follow the command.
+            SimrobError: the robot does not stand on feet of its own or has no such walk, or the station is kinematic.
         """
         return self._run(GoMove.at(ahead, sideways, turn, duration=duration, strict=strict), store)
 
@@ -262,7 +266,9 @@ class LeggedRobot(LeggedGeometry):
             store: whether the move is stored at the end of the program.
 
         Raises:
-            InvalidParameter: the robot's ``gaits.yaml`` has no postures for getting up, or the count is invalid.
+            InvalidParameter: the count is invalid.
+            SimrobError: the robot's ``gaits.yaml`` has no postures for getting up, the robot does not stand on feet of
+                its own, or the station is kinematic.
         """
         return self._run(make_move(GetUpMove, attempts=attempts), store)
 
@@ -347,8 +353,9 @@ class LeggedRobot(LeggedGeometry):
         """Run the stored program from the start of the station (Sim). The next move continues from its end.
 
         Moves of joints that follow each other are one run, and so is each walk and act, which has its own gains and
-        solver. Pieces are attached and released between runs. A monitor that ends a run ends the program. If the robot
-        falls, the next move continues from the state before the program.
+        solver. Pieces are attached and released between runs. A monitor that ends a run ends the program. If the last
+        run diverges, fails, is interrupted or ends in a fall, the next move continues from the state before the
+        program.
 
         In an automatic program a sequencer leads the robot to the references, to each one when the joints have reached
         the one before. The ``cells`` of the result have the times. A reference that takes longer than the time-out ends
@@ -417,7 +424,8 @@ class LeggedRobot(LeggedGeometry):
         Args:
             index: index of the move, from 0. Negative indices count from the end.
             move: new targets [deg] or a new move, see :meth:`insert`. If it is None, only the duration changes.
-            duration: new duration of a move of joints [s]. If it is None, the duration stays.
+            duration: new duration of a move of joints [s]. If it is None, the duration stays; it is 1 if targets
+                replace another kind of move.
 
         Raises:
             SimrobError: see :meth:`insert`; or the index is out of range.
@@ -462,7 +470,7 @@ class LeggedRobot(LeggedGeometry):
         """Undo the last run or change of the program: robot and program return to the state before.
 
         Raises:
-            InvalidParameter: nothing has been done.
+            InvalidParameter: nothing has been done, or all of it is undone already.
         """
         if not self._past:
             raise Unsuitable(
@@ -520,10 +528,11 @@ class LeggedRobot(LeggedGeometry):
         Args:
             moves: the moves.
             store: whether they are stored at the end of the program afterwards. They are not if the last run diverges,
-                is interrupted or ends in a fall.
+                fails, is interrupted or ends in a fall.
 
         Returns:
-            The results. There are fewer than moves if moves of joints follow each other, or if a move takes no time.
+            The results. There are fewer than moves if moves of joints follow each other, if a move takes no time, or if
+            a run did not complete, which was then the last one.
 
         Raises:
             SimrobError: a move cannot be done.
@@ -540,9 +549,9 @@ class LeggedRobot(LeggedGeometry):
     ) -> list[SimulationResult]:
         """Run stages one after the other, and return the results of the runs.
 
-        If a stage raises an error, robot and program are restored. They are, too, if the last run diverged, was
-        interrupted or ended in a fall; its results are still returned. Otherwise the state before can be restored by
-        `undo`. The runs and the times of their moves are kept in :attr:`runs` and :attr:`move_spans`.
+        If a stage raises an error, robot and program are restored. They are, too, if the last run diverged, failed,
+        was interrupted or ended in a fall; its results are still returned. Otherwise the state before can be restored
+        by `undo`. The runs and the times of their moves are kept in :attr:`runs` and :attr:`move_spans`.
 
         Args:
             stages: the stages.
@@ -576,7 +585,8 @@ class LeggedRobot(LeggedGeometry):
         if runs:
             self.runs = runs
             self.move_spans = spans
-        # No next move can begin where the robot has fallen, or where the simulation has diverged.
+        # No next move can begin where the robot has fallen, or where the simulation has diverged, failed or was
+        # interrupted.
         if runs and (runs[-1].ending not in GOES_ON or robot_that_fell(runs[-1]) is not None):
             self._restore(snapshot)
             return runs

@@ -48,7 +48,7 @@ class _Hold(NamedTuple):
     """A free piece between the fingers of a robot.
 
     Attributes:
-        link: frame of one of the links that touch the piece.
+        link: frame of one of the robot's bodies that touch the piece.
         pose: pose of the piece in that frame.
     """
 
@@ -152,7 +152,7 @@ class StationModel(PosedStation):
         position: Callable[[str], Vector],
         reference: Callable[[str], Vector],
     ) -> None:
-        """Place the pieces as in a state, and the robots at their references.
+        """Place the pieces as in a state, and the axes of robots at their references. Bases of robots stay.
 
         From now on, pieces that fingers hold in the state move with the robot in :meth:`place_robots`. All fingers are
         placed as far from the positions given there as they are from their references now, because a piece may be
@@ -237,7 +237,7 @@ class StationModel(PosedStation):
 
     @property
     def holders(self) -> dict[str, str]:
-        """Name of the robot whose fingers hold a piece, for each piece that is held."""
+        """Name of the robot that holds a piece between its fingers, by piece, as :meth:`place_state` has found it."""
         # The usual case comes first, because this property is read in every collision check.
         if not self._holds:
             return {}
@@ -245,7 +245,7 @@ class StationModel(PosedStation):
 
     @contextmanager
     def holding_at(self, positions: Vector) -> Iterator[None]:
-        """Context in which robots hold what their fingers touch from two sides at positions (nq,) of the plant.
+        """Context in which robots hold what they would hold at positions (nq,) of the plant, see `_find_holds`.
 
         In the context, :attr:`holders` has these pieces wherever the plant is placed, and so the collision policy lets
         the fingers touch them. At the begin the plant is placed at the positions, and it is not placed back at the end.
@@ -259,7 +259,7 @@ class StationModel(PosedStation):
             self._holds = holds_before
 
     def gripping_robots(self) -> dict[str, str]:
-        """Name of the robot whose fingers touch a free piece from two sides in the present postures, by piece."""
+        """Name of the robot that holds a free piece in the present postures, by piece; see `_find_holds`."""
         return self._robots_of(self._find_holds())
 
     def _robots_of(self, holds: Mapping[str, _Hold]) -> dict[str, str]:
@@ -268,13 +268,15 @@ class StationModel(PosedStation):
         return {piece: robots[hold.link.model_instance()] for piece, hold in holds.items()}
 
     def _find_holds(self) -> dict[str, _Hold]:
-        """Find the free pieces that robots hold now, by name: at least two links of a robot with fingers touch them.
+        """Find the free pieces that robots hold now, by name: at least two bodies of a robot with fingers touch them.
 
-        The plant needs collision shapes, unless no robot has fingers.
+        All of its links count, not only fingers, and so do the pieces that it carries. The plant needs collision
+        shapes, unless no robot has fingers.
         """
         if not any(robot.model.fingers for robot in self.robots.values()):
             return {}
-        # By piece and robot: the body of each link that touches the piece, by the link's name.
+        # By piece and robot: the body of each link or carried piece that touches the piece, by the name of that link or
+        # piece.
         touching = dict[tuple[str, str], dict[str, BodyIndex]]()
         inspector = self.station.scene_graph.model_inspector()
         for pair in self.query().ComputePointPairPenetration():
@@ -286,7 +288,7 @@ class StationModel(PosedStation):
                     body = self.plant.GetBodyFromFrameId(inspector.GetFrameId(link_shape))
                     touching.setdefault((piece, robot), {})[link] = body.index()
         holds = {}
-        # One link only pushes a piece. Two links of the same robot hold it between them.
+        # One of them only pushes a piece. Two of the same robot hold it between them.
         for (piece, _), bodies in touching.items():
             if len(bodies) > 1:
                 link_frame = self.plant.get_body(next(iter(bodies.values()))).body_frame()

@@ -368,7 +368,7 @@ def check_collisions(
             the collisions of all robots that move count.
 
     Raises:
-        PathCollision: names the first point with a collision, and the two bodies.
+        PathCollision: names the first point with a collision, and the two bodies that overlap deepest there.
     """
     movers = robots if judged is None else judged
     depths_at_start: dict[Bodies, float] = {}

@@ -200,14 +200,17 @@ def _check_unit(
         raise Unsuitable(name, problem, remedy)
 
 
+def _has_transforms(targets: Any) -> bool:
+    """Whether a sequence contains a RigidTransform. NumPy takes transforms for objects, as if they were numbers."""
+    return isinstance(targets, Sequence) and any(
+        isinstance(target, RigidTransform) for target in targets
+    )
+
+
 def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
     """Whether targets are places [x y z], one or several, not poses. It is False for values that are neither."""
-    if isinstance(targets, RigidTransform):
-        return False
-    # NumPy takes transforms for objects: a list of three of them has the shape of a place.
-    if isinstance(targets, Sequence) and any(
-        isinstance(target, RigidTransform) for target in targets
-    ):
+    # For NumPy, a list of three transforms has the shape of a place.
+    if isinstance(targets, RigidTransform) or _has_transforms(targets):
         return False
     try:
         shape = np.shape(targets)
@@ -218,7 +221,10 @@ def is_place(targets: npt.ArrayLike | PoseTargets) -> bool:
 
 def is_single(targets: PoseTargets) -> bool:
     """Whether targets are a single pose (transform, vector or matrix) or place, not several."""
-    return isinstance(targets, RigidTransform) or np.shape(targets) in ((3,), (6,), (4, 4))
+    if isinstance(targets, RigidTransform):
+        return True
+    # For NumPy, a list of three transforms has the shape of a place, one of six that of a pose vector.
+    return not _has_transforms(targets) and np.shape(targets) in ((3,), (6,), (4, 4))
 
 
 def pose_numbers(pose: PoseLike) -> list[float]:
@@ -232,15 +238,19 @@ def pose_numbers(pose: PoseLike) -> list[float]:
     return [float(value) for value in pose_from_transform(as_transform(pose))]
 
 
-def row_numbers(targets: Any) -> Any:
+def row_numbers(targets: Any, *, are_postures: bool = False) -> Any:
     """Targets as lists of numbers for a file: places, postures and pose vectors as they are.
 
     Matrices and transforms become pose vectors, one in each row. The name of a posture is returned unchanged.
+
+    Args:
+        targets: the targets.
+        are_postures: whether they are postures of the axes: four of four axes have the shape of a matrix.
     """
     if isinstance(targets, str):
         return targets
     # A place stays a place: as a pose it would have an orientation of its own.
-    if is_place(targets):
+    if are_postures or is_place(targets):
         return np.asarray(targets, dtype=float).tolist()
     try:
         values: Vector = np.asarray(targets, dtype=float)
@@ -305,6 +315,7 @@ class Planning:
 
         Raises:
             UnknownName: there is no such solver.
+            SimrobError: the solver does not suit the arm and its tool, or cannot be imported; see :func:`solver_for`.
         """
         # A move may name its own solver, such as one that allows the tool to turn.
         return solver_for(self.chain, self.solver if solver is None else solver)
@@ -334,6 +345,18 @@ class Planning:
             all_axes[..., others] = rows
             rows = all_axes
         return self.chain.postures(rows, name)
+
+    def units_of(self, count: int) -> Vector | None:
+        """Size of the user's unit of each number of a posture that has `count` numbers, in SI, shape (count,).
+
+        It is pi/180 for degrees, 1 for metres. A posture has a number for each axis, or for each axis that is no
+        finger, as :meth:`postures` takes it. Returns None for another count.
+        """
+        units = self.model.user_units
+        others = [axis for axis in range(len(units)) if axis not in self.model.fingers]
+        if count == len(units):
+            return units
+        return np.asarray(units[others]) if count == len(others) else None
 
     def poses(self, targets: PoseTargets, wobj: WorkObject) -> Vector:
         """Convert targets in the frame of a work object to poses in the world, shape (k, 4, 4).

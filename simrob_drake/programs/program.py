@@ -80,6 +80,7 @@ def run_cells(robot: CellRobot, cells: Sequence[JointMove], pace: Automatic) -> 
 
     Raises:
         InvalidParameter: there is no cell, a target is beyond its limits, or the station is kinematic.
+        UnknownName: the robot has no axis of a target's name.
         InvalidConfig: the duration of the way to a cell is longer than the time-out.
     """
     if not cells:
@@ -177,7 +178,7 @@ class Program(Strict):
 
     @property
     def duration(self) -> float:
-        """Duration of all moves of joints [s]. That of walks and acts depends on the robot, and is not included."""
+        """Duration of all moves of joints [s]. Other moves, such as walks, acts and waits, are not included."""
         return float(sum(move.duration for move in self.moves if isinstance(move, JointMove)))
 
     def __repr__(self) -> str:

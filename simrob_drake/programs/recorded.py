@@ -38,7 +38,7 @@ class RecordedStation(StatefulStation):
         self.tape.running = True
 
     def show(self) -> str:
-        """Open a browser window that shows all runs from now on, in real time.
+        """Open a browser window that shows all runs from now on, in real time. A window that is open already is kept.
 
         Returns:
             Address of the window, which is valid on this computer only.
@@ -149,11 +149,11 @@ class RecordedStation(StatefulStation):
             strict: whether a run with warnings raises an error. It does, too, if this station is strict.
 
         Returns:
-            All runs as one result, up to a run that diverged or was interrupted.
+            All runs as one result, up to a run that diverged, failed or was interrupted.
 
         Raises:
-            VerdictError: a run has warnings, and ``strict`` is True.
-            InvalidParameter: nothing was recorded, or two runs do not join. Such a recording can be replayed.
+            VerdictError: a run has warnings, and ``strict`` is True or this station is strict.
+            InvalidParameter: nothing was recorded, or two runs do not join (such a recording can be replayed).
             Unsuitable: a duration is given, and a run has references that are no planned moves.
             SimrobError: a piece cannot be attached or released there, or the other station lacks a robot.
         """

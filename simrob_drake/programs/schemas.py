@@ -14,7 +14,7 @@ from simrob_drake.robots.pieces import PieceModel
 
 
 def model_schemas() -> dict[str, dict[str, Any]]:
-    """Return the schemas of files under ``models/`` and of programs, by the names of their own files."""
+    """Return the schemas of robots, pieces, gaits and programs, by the names of the files that contain the schemas."""
     # `from_place` names required fields that a file need not have: the loader can set them.
     robot = file_schema(RobotModel, from_place=("name", "folder", "root", "axes"))
     # A robot is described by a URDF with its axes, or by a table of Denavit and Hartenberg, not by both.

@@ -166,7 +166,8 @@ def stages_of_program(
         file: file of the program for messages. It is empty if there is none.
 
     Raises:
-        InvalidParameter: the program is not automatic and has no move that takes time, or it has a move for arms.
+        InvalidParameter: the program is not automatic, and no move takes time or one is not possible for robots with
+            legs.
         SimrobError: the robot cannot perform a move, or cannot reach a reference.
     """
     _check_references(robot, program, file)
@@ -179,14 +180,14 @@ def stages_of_program(
 
 
 def leg_moves(program: Program, file: str = "") -> tuple[Move, ...]:
-    """Moves of a program, checked to be for robots with legs.
+    """Moves of a program, checked to be of kinds that robots with legs can perform; arms may perform them, too.
 
     Args:
         program: the program.
         file: file of the program for messages. It is empty if there is none.
 
     Raises:
-        InvalidParameter: a move is for arms. The message names the move and the file.
+        InvalidParameter: a move is of a kind for arms only. The message names the move and the file.
     """
     for number, move in enumerate(program.moves):
         # Named here, because the move itself would only say that it is for arms.

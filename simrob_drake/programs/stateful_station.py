@@ -37,7 +37,10 @@ from simrob_drake.stations.config import StationConfig
 from simrob_drake.stations.station import StationLike, config_of
 
 GOES_ON = ("completed", "monitor")
-"""Endings of a run after which the next run begins where it ended."""
+"""Endings of a run after which the next run begins where it ended.
+
+After others (the run diverged, was interrupted, or a block failed) the station is as it was before the run.
+"""
 
 # Largest distance from the robot's reference at which a plan may begin [rad or m].
 _SAME_PLACE = 1e-9
@@ -46,8 +49,9 @@ _SAME_PLACE = 1e-9
 class StatefulStation(ABC):
     """A station, kinematic or dynamic, that keeps its state from run to run: postures, velocities, servos, pieces.
 
-    A move that cannot be done raises an error before anything moves, and leaves the station unchanged. So does a run
-    that diverges or is interrupted; its result is still returned.
+    A move that cannot be done raises an error before anything moves, and leaves the station unchanged. A run that
+    diverges, is interrupted or ends because a block fails raises no error: its result is returned, and the station is
+    left unchanged, too.
 
     Attributes:
         config: the station, with its pieces on their present parents.
@@ -202,7 +206,7 @@ class StatefulStation(ABC):
             duration: duration of the run [s]. If it is None, until the last move ends. A shorter one cuts the moves.
 
         Returns:
-            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+            The result of the run. The next run begins where it ended if its ending is one of :data:`GOES_ON`.
 
         Raises:
             InvalidParameter: see :meth:`check_together`; there is neither a plan nor a duration; or the duration is
@@ -273,18 +277,19 @@ class StatefulStation(ABC):
             self.check_collisions(*plans)
 
     def follow(self, references: Mapping[str, ReferenceLike], duration: float) -> SimulationResult:
-        """Run references, while the other robots hold their positions.
+        """Run references, while the robots without one rest at their references of the last run.
 
         Args:
-            references: reference of each robot by name, as :func:`simrob_drake.simulate` accepts it. The caller makes
+            references: reference of some robots by name, as :func:`simrob_drake.simulate` accepts it. The caller makes
                 sure that it begins where the robot is, so that nothing jumps.
             duration: duration of the run [s].
 
         Returns:
-            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+            The result of the run. The next run begins where it ended if its ending is one of :data:`GOES_ON`.
 
         Raises:
             InvalidParameter: the references are no mapping, or the duration is not positive.
+            VerdictError: the run has warnings, and `strict` is True.
             SimrobError: the station cannot follow a reference.
         """
         instance(
@@ -327,6 +332,7 @@ class StatefulStation(ABC):
 
         Raises:
             VerdictError: the run has warnings, and `strict` is True.
+            SimrobError: the station cannot follow a reference, or a change of the timeline is not possible.
         """
         # The take keeps the station and the state of the start, from which it can be repeated.
         config = self.config
@@ -343,7 +349,7 @@ class StatefulStation(ABC):
                 on_step=self.on_step,
             )
         result = replace(result, did=did, moves=moves).check(self.strict)
-        # A run that has diverged or was interrupted is returned to be looked at, but the station stays as it was.
+        # A run that diverged, was interrupted or failed is returned to be looked at, but the station stays as it was.
         if result.ending in GOES_ON:
             self.state = result.final_state
             self.timeline.now += result.stop_time
@@ -370,7 +376,10 @@ class StatefulStation(ABC):
                 empty if all controllers keep their states.
 
         Returns:
-            The result of the run. The next run begins where it ended, unless it diverged or was interrupted.
+            The result of the run. The next run begins where it ended if its ending is one of :data:`GOES_ON`.
+
+        Raises:
+            SimrobError: see :meth:`follow` and :meth:`change`.
         """
         # `change` marks the tape: no file can describe a run with a controller or gains of its own.
         own_station = self.config
@@ -422,8 +431,8 @@ class StatefulStation(ABC):
 
     def play(self, duration: float) -> SimulationResult:
         """Run the station for a time [s] while all robots follow the references of its file, from where they are."""
-        # The references depend on the station's file, so another station cannot repeat them: no entry of a program's
-        # file can describe the run.
+        # The references depend on the station's file, so another station could not repeat them. A recording that has
+        # runs already is no program from here on; one that begins with this run can still be one.
         self.tape.note(None)
         return self._run({}, seconds(duration), entry={"play": float(duration)}, did="play")
 
@@ -435,22 +444,26 @@ class StatefulStation(ABC):
         frame: str | None = None,
         pose: PoseLike | None = None,
     ) -> None:
-        """Attach a piece to a robot or another piece (SimRob's PegarEn). It keeps its pose in the world, to rounding.
+        """Attach a piece to the world, a robot or another piece (SimRob's PegarEn).
 
-        The robot that takes the piece uses the piece's tool centre point from then on, and on a dynamic station it
-        feels its weight. A robot that gives its tool away uses the tool that carried it. Velocities stay unchanged.
+        Without a `pose` the piece keeps its pose in the world, to rounding. The robot that takes the piece uses the
+        piece's tool centre point from then on, unless the piece is on a link that is no tool; on a dynamic station it
+        feels its weight. A robot that gives its tool away uses the tool that carried it, or else its first own tool.
+        Velocities stay unchanged.
 
         Args:
             piece: name of the piece. Pieces that are attached to it stay attached.
             parent: ``world``, a robot (its flange), or a piece (its tool centre point).
-            frame: a frame of the parent piece, instead of its tool centre point; or a tool or link of the robot,
-                instead of its first tool, such as the trunk for a backpack.
-            pose: pose of the piece in the parent's frame, to which it jumps from wherever it is.
+            frame: a frame of the parent piece; or a tool or link of the robot, such as the trunk for a backpack. If it
+                is None, the tool centre point of the piece, or the first tool of the robot.
+            pose: pose of the piece in the parent's frame, to which it jumps from wherever it is. If it is None, the
+                piece stays where it is.
 
         Raises:
             UnknownName: there is no such piece, parent or frame.
-            InvalidParameter: the parent is the piece itself or one that is fixed on it; or a robot takes the piece
-                without a ``pose`` from more than 30 mm away.
+            InvalidParameter: the parent is the piece itself or one that is fixed on it; a frame of the world is named;
+                a robot takes the piece without a ``pose`` from more than 30 mm away; or the ``pose`` is no pose, or in
+                other units than m and rad.
         """
         # With a pose the piece may be anywhere: it is placed there. Without one the tool has to be near it.
         if pose is None:
@@ -475,13 +488,13 @@ class StatefulStation(ABC):
         Args:
             piece: name of the piece.
             parent: ``world``, or a piece on which it is fixed from then on.
-            frame: a frame of that piece, instead of its tool centre point.
+            frame: a frame of that piece. If it is None, its tool centre point.
             fixed: whether the piece stays where it is in the world of a dynamic station, too, instead of falling.
 
         Raises:
             UnknownName: there is no such piece, parent or frame.
-            InvalidParameter: it would fall forever, because there is no contact, no shape that collides or nothing
-                below it; or it has no mass.
+            InvalidParameter: the piece is attached to nothing; or it would fall forever, because there is no contact,
+                no shape that collides or nothing below it; or it has no mass or inertia.
         """
         model = self.model
         state = self.state
@@ -518,7 +531,8 @@ class StatefulStation(ABC):
                 tool,
                 [*station_robot.tools, *station_robot.model.links],
             )
-            # The same tool again keeps its offset.
+            # With an offset the tool centre point is the tool `tcp`: this name keeps the offset. The name of the tool
+            # itself is another one, and deletes the offset.
             changes: dict[str, object] = (
                 {} if tool == station_robot.tcp else {"tcp": tool, "tcp_offset": None}
             )

@@ -173,11 +173,12 @@ class Tape:
                 it is None, as recorded.
 
         Returns:
-            A stage for each run, and the entry of each change, in order.
+            A stage for all runs up to the next change, and the entry of each change, in order.
 
         Raises:
-            InvalidParameter: nothing was recorded, or two runs that follow each other do not join.
-            Unsuitable: a duration is given, and a run has references of its own.
+            InvalidParameter: nothing was recorded; or a run does not begin where the one before ended, has references
+                that are no planned moves and is not the only run, or has another station without a recorded change.
+            Unsuitable: a duration is given, and the only run has references that are no planned moves.
         """
         self.check_some()
         takes = self.takes
@@ -274,6 +275,7 @@ def with_entry(
     *,
     wobj: WorkObject = None,
     solver: SolverLike | None = None,
+    are_postures: bool = False,
     **more: Any,
 ) -> Plan:
     """Make a copy of a plan with the entry of a program's file that makes the move again.
@@ -286,6 +288,7 @@ def with_entry(
         how: options of the move as the user gave them.
         wobj: the work object. If it is None, the world.
         solver: solver of the inverse kinematics. If it is None, that of the robot. Moves without one give ``auto``.
+        are_postures: whether the targets are postures of the axes, not poses or places of the tool.
         **more: further keys of the move. Keys with the value None are left out.
 
     Returns:
@@ -298,7 +301,7 @@ def with_entry(
     if not isinstance(solver_name, str):
         return replace(plan, entry=None, frame=wobj_pose)
     content = {
-        "targets": None if targets is None else row_numbers(targets),
+        "targets": None if targets is None else row_numbers(targets, are_postures=are_postures),
         "robot": planning.robot,
         **how,
         "wobj": _wobj_entry(wobj),

@@ -101,7 +101,7 @@ class Motors:
     """Motors of robots that move at the same time, with what these robots carry.
 
     Attributes:
-        model: the station, without pieces that move freely.
+        model: the station, with free pieces fixed where they begin: what fingers hold has no weight here.
         robots: names of the robots that move. Arrays of this class have their axes one robot after the other.
     """
 

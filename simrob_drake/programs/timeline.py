@@ -1,8 +1,8 @@
 """Changes that happen to a station while a program runs: new settings, pushes, drags, and commands to walks.
 
 The changes of a program are on a timeline, which has a grid: equally spaced moments, at which changes happen. A run is
-cut into pieces at each change of settings or forces, and restarts its solver at each moment of the grid. So it can be
-repeated from any moment of the grid, with equal results to the last bit.
+cut into pieces at each change, and restarts its solver at each moment of the grid. So it can be repeated from any
+moment of the grid, with equal results to the last bit.
 
 A *setting* is a key of the station with its value. A *push* is a constant force for a while, a *drag* a spring that
 pulls a point of a body after a target. A change *drives* a robot if it gives commands to its walk.
@@ -321,8 +321,8 @@ class Timeline:
         """Command of the changes to a robot's controller at a time of a run. Each holds for times after its own time.
 
         Args:
-            robot: name of the robot.
-            only_robot: name of the station's robot if it has one only, which changes need not name.
+            robot: name of the robot. It is None if the controller names none and the station has several robots.
+            only_robot: name of the station's robot if it has one only, which changes need not name; else None.
             numbers: names of the numbers of the controller's command, in order. Others of the change have no effect.
             begin: time at which the run began, since the timeline began [s].
             time: time since the run began [s].
@@ -387,8 +387,8 @@ def following(
 def _for_robots(settings: Mapping[str, Any], config: StationConfig) -> dict[str, Any]:
     """Extend settings of the station's servos to robots that have servo settings of their own.
 
-    Otherwise these robots would not follow a change such as ``servo.kp``. A setting that names the robot itself comes
-    before that of the station.
+    Otherwise these robots would not follow a change such as ``servo.kp``. A setting that names the robot itself
+    overrides that of the station.
 
     Args:
         settings: values of keys of the station, which are also in the result.

@@ -139,7 +139,7 @@ def check_torques(motors: Motors, robot: str, plan: Plan, remedy: Remedy) -> Non
 
 
 def slower_factor(motors: Motors, plan: Plan) -> float:
-    """Factor on the duration of a plan with which the motors give its torques; 1 if they do so already."""
+    """Factor on the duration of a plan by which :func:`slowed_for_motors` slows it down; 1 if it leaves it as it is."""
     return slowed_for_motors(motors, plan).duration / plan.duration
 
 

@@ -64,7 +64,7 @@ def run_whole(config: StationConfig) -> SimulationResult:
 
 
 def of_arms(cell: Workcell, program: Program) -> bool:
-    """Whether arms perform a program: it has a move for arms, or none of its robots has legs.
+    """Whether arms perform a program: it has a move that robots with legs cannot do, or none of its robots has legs.
 
     Its robots are the one that it names, or all robots of the station. A program with references is never for arms.
 

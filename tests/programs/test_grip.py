@@ -160,6 +160,27 @@ def test_a_kinematic_gripper_opens_and_closes():
     np.testing.assert_allclose(arm.position[6:], 0.015, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    "move",
+    [
+        {"move_abs_j": {"targets_deg": [0, 2, 0, 0, 80, 0]}},
+        {"move_free": {"joints_deg": [0, 2, 0, 0, 80, 0]}},
+    ],
+)
+def test_degrees_of_a_posture_without_fingers_are_degrees(move):
+    arm = Arm(
+        load_station(
+            "irb120_gripper", {"mode": "kinematic", "monitors": {}, "couplings": {}, "pieces": {}}
+        )
+    )
+    fingers = arm.position[6:]
+
+    arm.do(move)
+
+    np.testing.assert_allclose(np.rad2deg(arm.position[:6]), [0, 2, 0, 0, 80, 0], atol=1e-6)
+    np.testing.assert_allclose(arm.position[6:], fingers, rtol=0, atol=1e-12)
+
+
 def test_what_fingers_cannot_do_is_said():
     arm = Arm(load_station("irb120_gripper", ALONE))
 

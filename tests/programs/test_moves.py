@@ -208,6 +208,17 @@ def test_pose_and_joint_are_inverses_in_batches(kinematic):
     )
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 6])
+def test_every_transform_of_a_list_gets_its_posture(kinematic, count):
+    poses = [RigidTransform(matrix) for matrix in kinematic.chain.forward([HOME] * count)]
+
+    q = kinematic.joint(poses)
+
+    np.testing.assert_allclose(
+        kinematic.pose(q), np.tile(kinematic.pose(HOME), (count, 1)), atol=1e-6
+    )
+
+
 def test_the_jacobian_and_the_torques_are_those_of_the_plant(kinematic):
     q, step = np.array([0.2, 0.3, -0.1, 0.4, 1.0, 0.5]), 1e-6
     jacobian = kinematic.jacobian(q)

@@ -9,6 +9,7 @@ import pytest
 from pydrake.geometry import SceneGraph
 from pydrake.multibody.plant import MultibodyPlant
 
+from simrob_drake import Arm
 from simrob_drake.base.errors import InvalidConfig, InvalidModel
 from simrob_drake.base.frames import transform_from_pose
 from simrob_drake.base.sections import validate_section
@@ -314,6 +315,19 @@ dh:
     - {limit_deg: [-360, 360], d: 0.02, effort: 5, mass: 0.5}
 servo: {kp: [500, 500, 5000, 50], kd: [20, 20, 200, 1]}
 """
+
+
+def test_four_postures_of_four_axes_are_no_matrix_of_a_pose(tmp_path: Path) -> None:
+    (tmp_path / "scara.yaml").write_text(SCARA)
+    (tmp_path / "cell.yaml").write_text("robot: {model: scara.yaml}\nmode: kinematic\n")
+    arm = Arm(tmp_path / "cell.yaml")
+    postures = [[0.1 * number, 0.2, 0.1, 0.0] for number in range(1, 5)]
+
+    plan = arm.plan.move_abs_j(postures)
+
+    assert plan.entry is not None
+    assert plan.entry["move_abs_j"]["targets"] == postures
+    np.testing.assert_allclose(plan.end, postures[-1], rtol=0, atol=1e-12)
 
 
 def test_a_robot_of_ones_own_is_one_file(tmp_path: Path) -> None:

@@ -94,7 +94,9 @@ def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
         gait: parameters of the walk.
 
     Raises:
-        InvalidParameter: the robot cannot perform the walk, or the count of steps is less than 1.
+        InvalidParameter: the robot cannot perform the walk, the count of steps is less than 1, or the walk takes too
+            long for one plan.
+        UnknownName: the robot has no feet of the kind that the gait names.
         OutOfReach: a leg is too short for a step, or a joint is beyond a limit.
     """
     needed = message("programs.two_feet_to_walk", "two feet for this gait")
@@ -104,7 +106,7 @@ def planned_walk(walker: Walker, steps: int, gait: BipedWalk) -> PlannedWalk:
     for name, foot in feet.items():
         left = foot.home[1] + foot.side * gait.widen
         start[name] = np.array([0.0, left, 0.0])  # x, y, turn
-    # At the start the weight is on both feet, so the zero-moment point is half-way between them.
+    # At the start the weight is on both feet: the zero-moment point is half-way between them, ahead by `zmp_ahead`.
     plan = gait_plan(start, np.array([gait.zmp_ahead, 0.0]), _walk_phases(steps, gait, start))
     motion, zmp = WholeBody(walker, gait, plan).solve()
     return PlannedWalk(motion, plan.zmp, zmp)
@@ -132,7 +134,8 @@ def _walk_phases(steps: int, gait: BipedWalk, start: dict[str, Vector]) -> list[
     # The weight goes to the foot that stands during the first step.
     first_standing = FEET[1]
     phases = [Phase(duration=gait.settle, zmp=zmp_under(first_standing), transfer=gait.settle)]
-    # Each share is the length of a step over that of a full one: it grows at the start, and is 0 for the last step.
+    # Each share is the length of a step over that of a full one: it grows at the start, shrinks at the end, and is 0
+    # for the last step.
     for number, share in enumerate(ramp_shares(steps, gait.ramp_steps)):
         swinging = FEET[number % 2]
         standing = FEET[(number + 1) % 2]
@@ -317,7 +320,8 @@ class Kick(SolvedGait):
 
         Raises:
             InvalidParameter: the robot has other feet, or the kick is to the side and the legs cannot turn their feet.
-            UnknownName: the robot has no foot with the name of the kicking foot.
+            UnknownName: the robot has no feet of the kind that the gait names, or no foot with the name of the kicking
+                foot.
         """
         feet = walker.feet_by_name(
             FEET, self.feet, message("programs.two_feet_to_kick", "two feet for a kick")
@@ -366,8 +370,8 @@ class Kick(SolvedGait):
 
         Returns:
             For each of the 5 knots position, velocity and acceleration (rows) of x, y, height [m] and turn [rad]
-            (columns), shape (3, 4). The polynomial of degree five between two knots then has the speed of the module's
-            equation.
+            (columns), shape (3, 4). From back to hit the polynomial of degree five then has the speed of the module's
+            equation, and from hit to front the same in reverse. Before and after, the foot moves from rest to rest.
         """
         turn = np.deg2rad(self.toward_deg)
         home = self._start_foothold(foot)

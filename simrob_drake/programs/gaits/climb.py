@@ -92,7 +92,9 @@ class Climb(SolvedGait):
             amplitude: not used.
 
         Raises:
-            InvalidParameter: the robot has neither two legs of six axes nor four legs.
+            InvalidParameter: the robot has neither two legs of six axes nor four legs, the stride takes too long for
+                one plan, or three standing feet leave no position that is as far inside as `inside`.
+            UnknownName: the robot has no feet of the kind that the gait names.
             OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
         """
         feet = {foot.name: foot for foot in walker.feet(self.feet)}
@@ -151,8 +153,8 @@ class Climb(SolvedGait):
     def _gait_plan(self, feet: Mapping[str, Foot]) -> GaitPlan:
         """Plan the paths of the feet, the trunk and the zero-moment point.
 
-        The soles begin and end in the poses of the parameters `start` and `goals`. If these are not set, they begin in
-        the usual poses and go one stride ahead.
+        The soles begin in the poses of the parameter `start`, or in the usual poses if it is not set. They end in those
+        of `goals`, or one stride ahead of where they begin if it is not set.
 
         Args:
             feet: the feet of the robot by name.
@@ -218,6 +220,9 @@ class Climb(SolvedGait):
             standing: positions (2,) of the feet that stand, by foot [m].
             current: poses of all soles before the swing, by foot.
             feet: the feet of the robot by name.
+
+        Raises:
+            InvalidParameter: on four legs, no position is as far inside the triangle as the parameter `inside`.
         """
         # Two legs: beside the middle of the foot that stands, towards the other foot.
         if len(standing) == 1:

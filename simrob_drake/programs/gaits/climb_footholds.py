@@ -128,7 +128,11 @@ class GroundProfile:
                 self.treads.append(tread)
 
     def tread(self, position: float) -> Tread | None:
-        """Find the tread at a position [m]. Returns None if the ground is not level there."""
+        """Find the tread at a position [m].
+
+        Returns None if no tread contains the position: the ground is not level there, the profile does not go so far,
+        or the position is between the last sample of one tread and the first one of the next.
+        """
         return next((tread for tread in self.treads if tread.begin <= position <= tread.end), None)
 
     def next_stride(
@@ -143,7 +147,8 @@ class GroundProfile:
             distance: position of the goal [m].
 
         Returns:
-            The stride, or None if the soles are at the goal or if there is no tread ahead on which they fit.
+            The stride. It is None if the soles are at the goal or on no tread, or if they cannot go farther ahead on
+            this tread and there is none ahead on which they fit.
         """
         here = self.tread(position)
         if here is None or is_at_goal(position, distance):
@@ -176,11 +181,14 @@ class GroundProfile:
         return self._last_toe(there, beyond, sole) - self._first_heel(here, there, sole) >= length
 
     def _last_toe(self, here: Tread, following: Tread | None, sole: SoleMargins) -> float:
-        """Farthest position of the toes on a tread [m]. It may be beyond its edge if the ground behind it is lower.
+        """Farthest position of the toes on a tread [m].
+
+        It is beyond the far edge of the tread unless the ground beyond this edge is higher.
 
         Args:
             here: the tread.
-            following: the tread to which the next stride leads. If it is None, all ground behind the tread counts.
+            following: the tread to which the next stride leads; the ground up to it counts. If it is None, all ground
+                beyond the tread does.
             sole: size of the soles, and how they may stand.
         """
         highest = self._highest_between(here, following)
@@ -191,7 +199,9 @@ class GroundProfile:
         return here.end + (sole.overhang if is_lower else -sole.margin)
 
     def _first_heel(self, here: Tread, there: Tread, sole: SoleMargins) -> float:
-        """Position nearest to the begin of a tread for the heels [m]. It may be before the begin over lower ground.
+        """Rearmost position of the heels on a tread [m].
+
+        It is before the begin of the tread unless the ground there, from the tread `here` on, is higher.
 
         Args:
             here: the tread from which a stride leads there.
@@ -275,10 +285,10 @@ class SoleFootholds:
         self._ground = profile_ahead(height, distance, np.array(across))
 
     def height(self, position: Vector) -> float:
-        """Height of the tread at a position of a foot, (3,), [m].
+        """Height of the tread at a position of a foot, (3,), [m]. Only the position ahead counts.
 
         Raises:
-            InvalidParameter: the ground is not level there.
+            InvalidParameter: there is no tread, see :meth:`GroundProfile.tread`.
         """
         tread = self._ground.tread(position[0])
         if tread is None:
@@ -299,7 +309,8 @@ class SoleFootholds:
             The footholds, or None if the feet are at the goal.
 
         Raises:
-            InvalidParameter: the feet stand on no tread, or the ground before the goal has none on which they fit.
+            InvalidParameter: the feet are not at the goal, and the one that is farther ahead is on no tread, or there
+                is no tread ahead on which the soles fit.
         """
         # The soles may have slipped apart; the stride is planned from the one that is farther ahead.
         position = max(float(foot_position[0]) for foot_position in positions.values())
@@ -367,7 +378,8 @@ class BallFootholds:
             The footholds, or None if the feet are at the goal, or as near to it as the ground allows.
 
         Raises:
-            InvalidParameter: the ground before the goal has no footholds that are even enough.
+            InvalidParameter: one of the feet has no foothold nearby that is even enough and within the step height
+                `rise`, or the four footholds bring the robot no farther although the goal is farther ahead.
         """
         middle = np.mean([position[:2] for position in positions.values()], axis=0)
         if is_at_goal(middle[0], self._distance):
@@ -395,7 +407,10 @@ class BallFootholds:
         return FootGoals(goals, heights, highest)
 
     def _find_foothold(self, name: str, desired: Vector, current: Vector) -> Vector:
-        """Find the foothold of a foot that is nearest to a desired one, on even ground.
+        """Find the foothold of a foot: the desired position if it is even, or else the best one near it.
+
+        The best one has the least cost of the distance from there, of unevenness, and of steps that are too high; see
+        :meth:`HeightMap.shift`.
 
         Args:
             name: name of the foot, for the error message.
@@ -406,7 +421,7 @@ class BallFootholds:
             Position and turn, shape (3,). The turn is 0: the foot shall look along the path.
 
         Raises:
-            InvalidParameter: the ground is not even enough, or too high or too low, at all positions nearby.
+            InvalidParameter: at all positions nearby the ground is not even enough, too high or too low.
         """
         level = self.height(current)
         rise = self._gait.rise

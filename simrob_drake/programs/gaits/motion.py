@@ -137,9 +137,9 @@ class JointMotion:
         In the copy:
 
         * the servos have the gains of the motion, and get the velocity of the reference if the motion feeds it;
-        * the floor is large enough wherever the robot goes;
+        * a floor is large enough wherever the robot goes;
         * steps of `cenic` are short enough for the servos to follow, and of one length unless the station sets
-          `error_control` itself;
+          `error_control` itself or `changed` has ``solver.accuracy``;
         * no monitor watches for a fall of the robot if the motion ends in one.
 
         A kinematic station, in which nothing moves by forces, is returned unchanged.
@@ -194,15 +194,17 @@ def short_steps(solver: SolverConfig, changed: Collection[str] = ()) -> SolverCo
     """Shorten the steps of a solver that holds references constant over a step, so that servos can follow them.
 
     Args:
-        solver: the solver. One that sees references within its steps, unlike ``cenic``, is returned unchanged.
-        changed: dotted keys of the station, such as ``solver.max_step``, that stay as they are.
+        solver: the solver. Only the scheme ``cenic`` of continuous time gets shorter steps: other schemes see
+            references within their steps, and solvers of discrete time are returned unchanged, too.
+        changed: dotted keys of the station that the user has set. With ``solver.max_step`` the longest step stays as it
+            is, with ``solver.accuracy`` the control of errors does.
     """
     if not isinstance(solver, ContinuousSolver) or not solver.engine.holds_inputs_over_steps:
         return solver
     steps: dict[str, Any] = {}
     if "solver.max_step" not in changed:
         steps["max_step"] = min(solver.max_step, MAX_STEP)
-    # Steps that short need no error control, unless the station asks for it.
+    # Steps that short need no error control, unless the station sets `error_control` or the user an accuracy.
     if "solver.accuracy" not in changed and "error_control" not in solver.model_fields_set:
         steps["error_control"] = False
     return solver.model_copy(update=steps)
@@ -260,8 +262,9 @@ class Gait(Strict):
             amplitude: factor of the parameters in :attr:`scaled`, such as the step length.
 
         Raises:
-            UnknownName: the robot has no such gait. The message lists the gaits of the section, or those of all other
-                sections if this section is empty.
+            UnknownName: the robot has no such gait. The message lists the gaits of the section, or, if this section is
+                empty, the entries of the other sections except ``reacting``.
+            InvalidParameter: the amplitude is not a finite number.
             InvalidConfig: a parameter has an invalid value.
         """
         file = walker.gaits
@@ -368,7 +371,7 @@ class Gait(Strict):
 
         Args:
             model: the robot.
-            worn: kind of feet that the robot has in its station.
+            worn: kind of feet that the robot has in its station. If it is None, the robot has no feet.
             key: key of the station that chooses the kind of feet, for the message.
 
         Raises:
@@ -378,7 +381,7 @@ class Gait(Strict):
     def made_for(self, model: RobotModel) -> str | None:
         """Kind of feet for which the gait is made: the one it names, or the robot's default one.
 
-        Returns None if the robot has no feet.
+        Returns None if the gait names none and the robot has no feet.
         """
         return self.feet or (model.feet.default if model.feet else None)
 

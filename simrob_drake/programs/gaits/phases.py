@@ -37,12 +37,14 @@ class Phase:
     Attributes:
         duration: duration of the phase [s].
         zmp: zero-moment point at the end of the phase, shape (2,) [m].
-        transfer: time from the start of the phase in which the ZMP moves there, at a constant speed [s].
+        transfer: time from the start of the phase in which the ZMP moves there, at a constant speed [s]. If it is 0,
+            the ZMP jumps there at the start of the phase.
         swing: foothold (3,) on which each swinging foot lands, by the foot's name.
         lift: largest height of the swinging feet [m].
         delay: time from the start of the phase until the feet lift off [s].
         rest: time from the touchdown until the end of the phase [s].
-        heading: turn of the trunk at the end of the phase, to the left [rad].
+        heading: turn of the trunk at the end of the phase, to the left [rad]. The trunk turns there smoothly during the
+            whole phase.
         hold: time that the swinging feet stay at their largest height [s]. If it is 0, they only pass through it.
     """
 
@@ -251,8 +253,8 @@ def ramp_shares(steps: int, ramp_steps: int) -> Vector:
     """Length of each step of a walk as a part of the full step length.
 
     The step length grows at the start and shrinks at the end; the last step has the length 0 and brings the feet side
-    by side. The walk goes as far as `steps` full steps. For this, one step is added for each step of a ramp, and one
-    that brings the feet together.
+    by side. The walk goes as far as `steps` full steps. For this, one step is added for each step of the first ramp
+    (none for those of the second), and one that brings the feet together.
 
     Args:
         steps: count of full steps that would go as far.

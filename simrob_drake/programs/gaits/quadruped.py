@@ -34,7 +34,7 @@ CRAWL_ORDER = ("rear_left_foot", "front_left_foot", "rear_right_foot", "front_ri
 Each hind foot swings before the fore foot of its side: so three feet always stand around the trunk.
 """
 
-# Times of standing on three feet [s]: before and after the weight is shifted, and to raise or lower the foot.
+# Times of standing on three feet [s]: before the weight is shifted, to shift it, and to raise or lower the foot.
 _BEFORE = 0.5
 _SHIFT = 1.0
 _RAISE = 0.6
@@ -73,7 +73,8 @@ class Trot(EvenSteps, SolvedGait):
         phases = [Phase(duration=self.settle, zmp=origin, transfer=0.0)]
         pose = np.zeros(3)  # of the middle of the feet: x, y, turn
         full_step = np.array([self.step_length, self.sideways, np.deg2rad(self.turn_deg)])
-        # Each share is the length of a step over that of a full one: it grows at the start, and is 0 for the last step.
+        # Each share is the length of a step over that of a full one: it grows at the start, shrinks at the end, and is
+        # 0 for the last step.
         for number, share in enumerate(ramp_shares(steps, self.ramp_steps)):
             landing = pose_after(pose, *(share * full_step))
             # The trunk goes over the middle between the pair that stands and the pair that lands, and leads it.
@@ -183,12 +184,17 @@ class Stand(SolvedGait):
             walker: the robot.
             steps: not used.
             amplitude: not used.
+
+        Raises:
+            UnknownName: the robot has no foot of this name, or no feet of the kind that the gait names.
+            InvalidParameter: the robot has other feet, or no position is as far inside the triangle as `inside`.
+            OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
         """
         start = _start_footholds(walker, self)
         if self.foot not in start:
             what = message("programs.foot_of", "foot of {model}", model=walker.model.name)
             raise UnknownName(what, self.foot, start)
-        # The middle of the feet is the origin of the plan.
+        # The origin of the plan is below the root, in the middle of feet that are evenly placed around it.
         origin = np.zeros(2)
         triangle = np.array([start[foot][:2] for foot in start if foot != self.foot])
         over = nearest_inside(origin, triangle, self.inside)
@@ -302,8 +308,11 @@ def _middle_of(footholds: dict[str, Vector]) -> Vector:
 def _start_footholds(walker: Walker, gait: SolvedGait) -> dict[str, Vector]:
     """Footholds of the four feet at the start, by foot: x [m], y [m] and turn [rad], shape (3,) each.
 
+    They are where the feet are with all axes at zero, seen from the root, and further out by `widen`.
+
     Raises:
         InvalidParameter: the robot has other feet.
+        UnknownName: the robot has no feet of the kind that the gait names.
     """
     needed = message("programs.four_feet_to_walk", "four feet for this gait")
     feet = walker.feet_by_name(CRAWL_ORDER, gait.feet, needed)
@@ -326,9 +335,10 @@ def _motion_of_phases(
         walker: the robot.
         gait: the gait.
         start: foothold (3,) of each foot at the start, by name.
-        phases: the phases, one after the other. At the start the ZMP is in the middle of the feet, the origin.
+        phases: the phases, one after the other. At the start the ZMP is at the origin of the plan.
 
     Raises:
+        InvalidParameter: the phases take too long for one plan, or a leg has neither three, four nor six joints.
         OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
     """
     plan = gait_plan(start, np.zeros(2), phases)

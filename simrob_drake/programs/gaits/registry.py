@@ -102,14 +102,14 @@ def load_gaits(robot: str | RobotModel) -> Any:
 def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
     """Find the gaits of a robot by name: those that consist of steps, or all others.
 
+    If two kinds have a gait of the same name, only that of the later kind is returned.
+
     Args:
         robot: name or model of the robot.
         steps: whether to return the gaits with steps, such as walks, or those without, such as postures.
 
     Raises:
-        UnknownName: there is no such robot.
-        InvalidParameter: the robot has no gaits at all.
-        InvalidConfig: its file of gaits has a wrong entry.
+        UnknownName, InvalidParameter, InvalidConfig, BrokenExtension: see :func:`load_gaits`.
     """
     gaits = load_gaits(robot)
     by_name: dict[str, Gait] = {}
@@ -122,7 +122,7 @@ def gaits_of(robot: str | RobotModel, *, steps: bool) -> dict[str, Gait]:
 def has_gait(model: RobotModel, kind: type[Gait], name: str) -> bool:
     """Check whether a robot has a gait of a kind, by its name in the robot's `gaits.yaml`.
 
-    It is False if the robot has no such file, or one with a wrong entry.
+    It is False, too, if the robot has no such file, or one that cannot be read.
     """
     try:
         gaits = load_gaits(model)
@@ -132,14 +132,17 @@ def has_gait(model: RobotModel, kind: type[Gait], name: str) -> bool:
 
 
 def carries(model: RobotModel, worn: str | None, made: str | None) -> bool:
-    """Check whether a robot can use a gait on its feet: on those for which it is made, or on others about as large.
+    """Check whether a robot can use a gait on its feet: on those for which it is made, or on others on the same links.
+
+    Each of the other feet has to be at least 0.8 times as long and as wide as that for which the gait is made.
 
     Args:
         model: the robot.
         worn: kind of feet that the robot has in its station, or None if it has no feet.
-        made: kind of feet for which the gait is made, or None if it needs no feet.
+        made: kind of feet for which the gait is made, see :meth:`Gait.made_for`; None if neither the gait nor the robot
+            has any.
     """
-    # A robot without feet can use only gaits that need none.
+    # If one of the two is None, the other one has to be None, too.
     if worn == made or worn is None or made is None:
         return worn == made
     worn_sizes = _foot_sizes(model, worn)

@@ -122,12 +122,17 @@ class Posing(Gait):
         return self.held
 
     def plan(self, walker: Walker, steps: int = 0, amplitude: float = 1.0) -> JointMotion:
-        """Plan the sequence, see :meth:`Gait.plan`.
+        """Plan the sequence, see :meth:`Gait.plan`. Limits of the axes are not checked here.
 
         Args:
             walker: the robot.
             steps: not used.
             amplitude: not used.
+
+        Raises:
+            InvalidParameter: the times of the targets do not ascend from above 0, or the sequence takes too long for
+                one plan.
+            UnknownName: the robot has no axis or no feet of a name in the sequence.
         """
         knots = self._knots(walker.model)
         # The times of the knots, not of the targets: they contain the start at 0 s, so that a first target at 0 s is
@@ -178,7 +183,7 @@ march = March.plan_by_name
 
 
 def standing_height(skeleton: Skeleton, angles: Vector, feet: str | None = None) -> float:
-    """Compute the height of the root link at which the lowest foot of a robot touches the floor [m].
+    """Compute the height of the root link, not turned, at which the lowest foot of a robot touches the floor [m].
 
     Args:
         skeleton: links, joints and masses of the robot.

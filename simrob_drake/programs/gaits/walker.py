@@ -79,7 +79,7 @@ class Foot:
 
     @property
     def side(self) -> float:
-        """1 for a left foot, -1 for a right one."""
+        """1 for a foot to the left of the root while all axes are zero, -1 to the right of it, 0 in the middle."""
         return float(np.sign(self.home[1]))
 
 
@@ -138,7 +138,7 @@ def feet_of(skeleton: Skeleton, facing_deg: float, kind: str | None = None) -> l
         # The pose `home` of the link is seen from the root.
         home = facing @ skeleton.links[link][1]
         upright = home[:3, :3]
-        # A box is a sole, spheres are a ball. A foot of several spheres, such as one at each corner, is flat as well.
+        # A box or several spheres, such as one at each corner, are a sole. A single sphere is a ball.
         if link in contact.boxes:
             sole = contact.boxes[link]
             point = np.array(sole.centre)
@@ -253,7 +253,8 @@ class Walker:
         Raises:
             UnknownName: there is no such robot.
             InvalidParameter: the robot has no gaits, or a joint that is not revolute.
-            InvalidConfig: its file of gaits has a wrong entry.
+            InvalidConfig: its file of gaits cannot be read, or its ``facing_deg`` is missing or wrong. The gaits in it
+                are not checked.
         """
         if isinstance(robot, Walker):
             return robot
@@ -283,7 +284,8 @@ class Walker:
             The feet by name, in the order of the robot's model.
 
         Raises:
-            InvalidParameter: the robot has other feet.
+            InvalidParameter: the robot has no feet, or other ones.
+            UnknownName: the robot has no feet of this kind.
         """
         feet = {foot.name: foot for foot in self.feet(kind)}
         if sorted(feet) != sorted(names):
@@ -301,8 +303,9 @@ _OTHER_SIDE = {"left": "right", "right": "left"}
 def exchange_sides(model: RobotModel, values: Vector) -> Vector:
     """Exchange left and right in values of all axes, such as the angles of a posture.
 
-    The sides are the first words of the axes' names, such as ``left_hip_yaw``. Axes of no side keep their values.
-    Angles of yaw axes, whose names end in ``yaw``, change their sign as well.
+    The sides are the first words of the axes' names, such as ``left_hip_yaw``: both sides need the same axes. An axis
+    of no side keeps its value. The values of all yaw axes, whose names end in ``yaw``, change their sign, also those of
+    no side.
 
     Args:
         model: the robot.

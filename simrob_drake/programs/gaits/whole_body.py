@@ -109,6 +109,7 @@ class WholeBody:
 
         Raises:
             OutOfReach: a leg is too short for the path of its foot, or a joint is beyond a limit.
+            InvalidParameter: a leg has neither three, four nor six joints, or the plan has fewer than three samples.
         """
         count = len(self.plan.times)
         start = self._start_posture()
@@ -257,6 +258,8 @@ class WholeBody:
     def _start_posture(self) -> _StartPosture:
         """Solve the first sample of the plan, and measure the pendulums of the robot in it.
 
+        The trunk is at its height over ground at z = 0 here, whatever the height of the plan's ground is.
+
         Raises:
             OutOfReach: a leg cannot reach its foothold.
         """
@@ -306,7 +309,8 @@ class WholeBody:
             root: poses of the root link in the frame of the plan, shape (m, 4, 4).
 
         Returns:
-            The motion. In the world of its poses, the robot begins over the origin with its root not turned.
+            The motion. In the world of its poses, the root begins over the origin. It is not turned about the vertical
+            if the plan's heading begins with 0.
         """
         # From walking along x to the direction in which the robot looks.
         facing = facing_rotation(-self.facing_deg)

@@ -117,7 +117,8 @@ def com_from_zmp(
         Centre of mass c, shape (m, k) [m].
 
     Raises:
-        InvalidParameter: there are fewer than three samples, or a parameter is not positive.
+        InvalidParameter: `zmp` has another count of dimensions or fewer than three samples, or the step, the height or
+            gravity is no positive finite number.
     """
     for name, value in (("step", step), ("height", height), ("gravity", gravity)):
         if not (np.isfinite(value) and value > 0):

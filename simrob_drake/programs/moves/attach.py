@@ -53,7 +53,10 @@ class AttachMove(Move):
     """Robot of the station that takes the piece. If it is not set, that of the program."""
 
     def perform(self, cell: StatefulStation, robot: str | None, run: Run) -> None:
-        """Attach the piece: to the current tool of an arm, unless the move names another tool or a parent.
+        """Attach the piece to the tool or the parent that the move names.
+
+        Without both, it is attached to the tool in use if that is a piece. Otherwise it is attached to the robot: at
+        `frame`, or else at the robot's first tool.
 
         Args:
             cell: the station.
@@ -110,7 +113,8 @@ class AttachMove(Move):
 
         Args:
             station: the station.
-            robot: name of the robot that takes the piece. It is not used if the move names a parent or a piece.
+            robot: name of the robot that takes the piece. It is not used if the move names a parent, or a piece as its
+                tool.
         """
         if self.parent is not None:
             return Mount(self.parent, self.frame)

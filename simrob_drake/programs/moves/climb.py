@@ -240,7 +240,7 @@ class ClimbPath:
             Parameters of the gait, see :data:`StrideParameters`. They are empty if the robot is at the goal.
 
         Raises:
-            InvalidParameter: the ground ahead has no foothold.
+            InvalidParameter: the ground ahead has no foothold, or a foot stands on ground that is not level.
         """
         stride = self.footholds.next(stance.feet)
         if stride is None:
@@ -271,7 +271,7 @@ class ClimbPath:
             Parameters of the strides, by the position ahead of the climb's origin where each begins [m].
 
         Raises:
-            InvalidParameter: the ground on the way has no foothold.
+            InvalidParameter: see :meth:`next_stride`.
         """
         stance = self.current_stance(robot)
         known = set[tuple[float, ...]]()

@@ -43,7 +43,7 @@ class GetUpMove(Move):
     ) -> frozenset[str] | None:
         """Keys that the pendant's input form offers for this move: all of them; see :meth:`Move.possible_keys`.
 
-        Returns None if the robot has no postures for getting up, or if the station is kinematic.
+        Returns None if the robot cannot get up in the station, for one of the reasons under :meth:`station`.
         """
         # Whether a robot can get up is known only by making the station: its parts check themselves.
         try:
@@ -108,9 +108,10 @@ class GetUpMove(Move):
         return changed
 
     def _get_up(self, robot: LeggedGeometry) -> SimulationResult:
-        """Run the controller until the robot stands, or until its attempts are over.
+        """Run the controller until the robot stands or its attempts are over, at most 30 s for each attempt.
 
-        The result is completed if the robot stands. Otherwise its message has the reason.
+        The ending of the result is `completed` if the robot stands, and also if that time is over before. If all
+        attempts have failed, the ending is `monitor`, and the message says so.
         """
         station = self.station(robot.cell.config, robot.name)
         references = {robot.name: hold(robot.reference)}

@@ -99,7 +99,7 @@ class FingerMove(Move):
     ) -> frozenset[str] | None:
         """Keys that the pendant's input form offers for this move; see :meth:`Move.possible_keys`.
 
-        None for a robot without fingers.
+        Returns None for a robot without fingers.
 
         A kinematic station has no forces, and fingers whose shapes do not meet have neither a width nor a force.
         """
@@ -254,7 +254,8 @@ class GripMove(FingerMove):
 
         Raises:
             Unsuitable: the station is kinematic and has no forces, or the shapes of the fingers do not determine one.
-            InvalidParameter: the motors, or the gains of their servos, are too weak.
+            InvalidParameter: the force is larger than the gripper's own force, or than that of its motors if the file
+                gives the gripper none; or the gains of the servos are too weak.
         """
         if not config.engine.moves_by_forces:
             raise Unsuitable(
@@ -293,10 +294,10 @@ class GripMove(FingerMove):
                 raise InvalidParameter("force", force, expected)
 
     def _force(self, robot: RobotModel, stroke: Stroke | None) -> float | None:
-        """Largest force of each finger from now on [N]: that of the move, of the gripper, or of its motors.
+        """Largest force of each finger from now on [N]: that of the move, else of the gripper, else of its motors.
 
-        It is None if neither the move nor the gripper has a force, and the shapes of the fingers do not determine that
-        of the motors.
+        That of the motors counts up to 100 N. The result is None if neither the move nor the gripper has a force, and
+        the shapes of the fingers do not determine that of the motors.
 
         Args:
             robot: the robot.
@@ -348,9 +349,11 @@ def _motors_force(robot: RobotModel, stroke: Stroke) -> float:
 
 
 def _mean_opening(robot: RobotModel, position: Vector) -> float:
-    """Mean opening of the fingers in a posture (n,) of the robot [rad or m]: 0 if closed, 1 if open.
+    """Mean opening of the fingers in a posture of the robot, from 0 (closed) to 1 (open). A mean beyond is clipped.
 
-    Positions beyond these ends count as the ends.
+    Args:
+        robot: the robot.
+        position: positions of all of its axes, shape (n,) [rad or m].
     """
     openings = [
         (position[axis] - closed) / (opened - closed)

@@ -73,7 +73,7 @@ class JointMove(Move):
             planning.model, self.target_deg, message("programs.the_target", "the target")
         )
         check_motors_of(cell, planning.robot, targets)
-        # Axes without a target stay where the arm's reference is.
+        # Axes without a target stay where the arm's reference is, unless they are coupled to one that has a target.
         for index, position in targets.items():
             posture[index] = position
         posture = with_partners(cell.model.resolved, planning.robot, posture, targets)
@@ -93,7 +93,8 @@ class JointMove(Move):
             name: name of the move for messages.
 
         Raises:
-            Unsuitable: the move has a `check`, which only arms do; or an axis has no motor.
+            Unsuitable: the move has a `check` other than the default, which only arms do; or the station is dynamic,
+                and an axis of the move has no motor.
             SimrobError: a target is wrong, see :func:`targets_on`.
         """
         # Everything that can be wrong is found now, before any move of the program runs.
@@ -149,7 +150,7 @@ def move_of(target_deg: Mapping[str, Any], duration: Any = MOVE_TIME) -> JointMo
         duration: duration of the move [s].
 
     Raises:
-        InvalidParameter: there is no axis, an angle is not finite, or the duration is not positive.
+        InvalidParameter: no target is given, a target is not a finite number, or the duration is not positive.
     """
     return make_move(JointMove, target_deg=target_deg, duration=duration)
 
@@ -171,7 +172,7 @@ def targets_on(
     Raises:
         UnknownName: there is no such axis. The message proposes the nearest name.
         InvalidParameter: an axis has two targets, under two of its names.
-        JointLimitExceeded: a target is beyond a limit of its axis.
+        JointLimitExceeded: a target is beyond a limit of its axis by more than rounding.
     """
     names = list(model.axes)
     units = model.user_units

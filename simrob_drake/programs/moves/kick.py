@@ -150,7 +150,7 @@ class KickMove(Move):
         )
 
     def _changes(self, aim: Mapping[str, Any], speed: float | None) -> dict[str, Any]:
-        """Collect the parameters that replace those of the gait. Keys of the move itself come before those of the aim.
+        """Collect the parameters that replace those of the gait. Keys that the user sets in the move override the aim.
 
         Args:
             aim: parameters that aim the kick, see :meth:`aim`. There are none if the kick is not aimed.
@@ -187,7 +187,8 @@ class KickMove(Move):
             Values of `foot`, `point`, `toward_deg` and perhaps `lift` of the gait. It is empty without a ball.
 
         Raises:
-            SimrobError: the ball is no free sphere, or the robot cannot hit it.
+            SimrobError: the ball is no free sphere, or the robot has no such kick or other feet. Whether its leg is
+                long enough is found only when the kick is planned.
         """
         if self.ball is None:
             return {}
@@ -211,7 +212,7 @@ class KickMove(Move):
 
         Raises:
             UnknownName: the station has no such piece.
-            InvalidParameter: the piece cannot move, or its shape is not a single sphere.
+            InvalidParameter: the piece is not free, or it has no sphere or several among its shapes.
         """
         name = str(self.ball)
         one_of(message("base.piece", "piece"), name, station.pieces)

@@ -84,7 +84,7 @@ class ArmMotion(Move):
         )
 
     def pieces(self) -> Iterable[str]:
-        """Name of the piece that is the work object of the move, if it has one."""
+        """Name of the work object, without its frame, if the move names one: of a piece, or of a robot."""
         wobj = getattr(self, "wobj", None)
         if not isinstance(wobj, str):
             return ()
@@ -110,8 +110,8 @@ class ArmMotion(Move):
     def rows(self, planning: Planning) -> Any:
         """Targets in SI units: one or several postures [rad or m], places [m] or poses [m, rad], or a posture's name.
 
-        Degrees that cannot be converted, because they have a wrong count, are returned unchanged: the planner refuses
-        them with a message.
+        A posture may leave out the fingers. Degrees of a wrong count of numbers may be returned unchanged: the planner
+        refuses them with a message, whatever they are.
 
         Args:
             planning: the start of the move, for the units of the robot's axes.
@@ -124,11 +124,11 @@ class ArmMotion(Move):
             return self.targets_deg
         # Factors on the numbers of one target, which convert angles to radians.
         if self.of_axes:
-            units = planning.model.user_units
-        else:
-            pose_units = np.repeat([1.0, np.deg2rad(1.0)], 3)  # of x, y, z and of three angles
-            # A place has the first three coordinates of a pose only.
-            units = pose_units[: values.shape[-1]]
+            units = planning.units_of(values.shape[-1])
+            return values if units is None else values * units
+        pose_units = np.repeat([1.0, np.deg2rad(1.0)], 3)  # of x, y, z and of three angles
+        # A place has the first three coordinates of a pose only.
+        units = pose_units[: values.shape[-1]]
         return values * units if values.shape[-1] == len(units) else values
 
 

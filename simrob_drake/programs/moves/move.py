@@ -186,7 +186,10 @@ class Move(Strict):
         return f"{text} of {robot}" if robot else text
 
     def pieces(self) -> Iterable[str]:
-        """Names of the pieces that the move depends on, by the values of its keys that name pieces."""
+        """Names of the pieces under the keys of the move that are annotated as names of pieces.
+
+        A piece under another key, such as `parent` of a move `attach`, does not count.
+        """
         keys = [key for key, what in named_things(type(self)).items() if what == "pieces"]
         # Until 0.2: in moves of other packages the keys may have no annotation. Then the form for the pendant has it.
         form: Mapping[str, Any] = getattr(type(self), "form", {})

@@ -93,12 +93,12 @@ class MoveFree(ArmMotion):
     def posture(self, planning: Planning) -> npt.ArrayLike | str | None:
         """Target posture (n,) [rad or m], or its name. It is None if the target is a pose or a piece.
 
-        Degrees of a wrong count are returned unchanged.
+        A posture may leave out the fingers. Degrees of a wrong count are returned unchanged: the planner refuses them.
         """
-        # Degrees for a wrong count of axes cannot be converted: the planner refuses them with a message.
-        if self.joints_deg is None or len(self.joints_deg) != planning.chain.size:
-            return self.joints or self.joints_deg
-        return np.asarray(self.joints_deg * planning.model.user_units)
+        if self.joints_deg is None:
+            return self.joints
+        units = planning.units_of(len(self.joints_deg))
+        return self.joints_deg if units is None else np.asarray(self.joints_deg * units)
 
     def pieces(self) -> Iterable[str]:
         """Names of the pieces that the move refers to: its target, or else its work object."""
@@ -143,17 +143,19 @@ def plan_move_free(
     show_search: bool = False,
     **how: Unpack[How],
 ) -> Plan:
-    """Plan a move around obstacles to any posture that reaches the target, with what the arm carries.
+    """Plan a move around obstacles to any posture that reaches the target, with what the arm carries or holds.
 
-    A search that grows two trees of postures finds the path, which is then shortened and rounded. No checked posture
-    has a collision, not even of the arm with itself. Bodies that touch at the start may touch during the whole move.
+    A straight path of the axes is tried first. Otherwise a search that grows two trees of postures finds the path,
+    which is then shortened and rounded. No checked posture has a collision, not even of the arm with itself. Bodies
+    that touch at the start may touch during the whole move.
 
     Args:
         planning: the start of the move: posture, limits, surroundings.
         targets: a pose of the tool in the work object's frame, a place (3,) that keeps its orientation, or the name of
-            a piece or of one of its frames, where the tool is to be.
-        joints: instead of it a posture (n,) [rad or m], or one of the robot's by name, such as ``home``.
-        wobj: the work object.
+            a piece or of one of its frames, where the tool is to be. It is None if `joints` is given.
+        joints: a posture (n,) [rad or m], or one of the robot's by name, such as ``home``. It is None if `targets` is
+            given.
+        wobj: the work object. If it is None, the world.
         free_turn: whether the tool may reach the target at any angle about its z axis.
         seed: seed of the search. The same seed gives the same path, if the search has enough time.
         planning_time: longest duration of the search [s].
@@ -161,7 +163,8 @@ def plan_move_free(
         how: see :class:`How`.
 
     Raises:
-        StartInCollision, GoalInCollision: bodies overlap at the start or at every goal; names them and the depth.
+        StartInCollision, GoalInCollision: bodies overlap at the start or at every goal that was tried; names them and
+            the depth.
         Unreachable: no posture within the limits brings the tool to the target.
         NoFreePath: no path was found in the time. The message has the nearest goal and the obstacles.
         SimrobError: the errors of other moves.
@@ -252,6 +255,7 @@ def goals_of(
 
     Raises:
         InvalidParameter: the target is missing, given twice, or no single pose or posture; the seed is out of range.
+        UnknownName: there is no such piece, frame, work object or posture.
         JointLimitExceeded: the given posture is beyond a limit.
         Unreachable: no posture within the limits reaches the pose.
     """
@@ -301,7 +305,8 @@ def _posture_goal(planning: Planning, joints: npt.ArrayLike | str) -> Vector:
     """Goal of a move to a posture (n,) [rad or m], which is given or named, as a single row (1, n).
 
     Raises:
-        InvalidParameter: several postures are given.
+        UnknownName: the robot has no posture of this name.
+        InvalidParameter: several postures are given, or one of a wrong shape or with numbers that are not finite.
         JointLimitExceeded: the posture is beyond a limit.
     """
     postures = planning.postures(joints, "joints")
@@ -356,7 +361,7 @@ def plan_around(
 
     Raises:
         StartInCollision, GoalInCollision, NoFreePath: see :func:`plan_move_free`.
-        Unsuitable: the options have a zone.
+        Unsuitable: the options have a zone other than ``fine``.
         SimrobError: the move exceeds a limit, or an option has an invalid value.
     """
     points = points_of(how, POINTS)
@@ -476,7 +481,10 @@ def _search_range(planning: Planning, goals: Vector) -> Vector:
 
 
 def _distance_scale(planning: Planning, space: FreeSpace) -> Vector:
-    """Largest distance that a radian (or metre) of each axis moves the tool or what it carries, shape (n,) [m]."""
+    """Largest distance that a radian (or metre) of each axis moves the tool or the pieces on it, shape (n,) [m].
+
+    It is estimated, and at least 0.1 m; see :func:`metres_per_radian`.
+    """
     tool = planning.pose
     # From the world to the frame of the tool: R' (p - t), here for rows.
     carried_points = (space.carried_points(planning.robot) - tool[:3, 3]) @ tool[:3, :3]
@@ -484,7 +492,7 @@ def _distance_scale(planning: Planning, space: FreeSpace) -> Vector:
 
 
 def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
-    """Find the nearest goals without collisions of robots that move at the same time, at most 16.
+    """Find the nearest goals without collisions of robots that move at the same time: at most 16, among at most 400.
 
     The collision tolerances that the found goals need are recorded in the space, see :meth:`FreeSpace.allow_goal`.
 
@@ -496,8 +504,8 @@ def _free_goals(space: FreeSpace, goals: Sequence[Vector]) -> Vector:
         postures of all robots, one robot after the other, shape (k, sum of n) [rad or m].
 
     Raises:
-        GoalInCollision: every goal is in collision; names the bodies of the collision that
-            is least deep.
+        GoalInCollision: every goal that was checked is in collision. It names the bodies that collide deepest in the
+            goal where this depth is least.
     """
     # A combination takes one goal of each robot. It is the nearer, the smaller the sum of the
     # indices of its goals.

@@ -62,8 +62,8 @@ def plan_move_abs_j(
     Raises:
         UnknownName: the robot has no such posture.
         InvalidParameter: the targets have a wrong shape, or an option is invalid.
-        Unsuitable: `stop` and a zone are set; or an acceleration or a profile is set for a move that passes its targets
-            smoothly.
+        Unsuitable: `stop` and a zone other than ``fine`` are set; or an acceleration or a profile is set for a move
+            that passes its targets smoothly.
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """
@@ -101,7 +101,9 @@ def plan_move_abs_j(
     segments = [joint_segment(way, points=count) for way, count in join_ways(ways, zone, points)]
     hint = degrees_hint(planning.chain, rows)
     plan = planning.plan_segments(segments, how, points, rows, through=passes_smoothly, hint=hint)
-    return with_entry(plan, MoveAbsJ.key, planning, targets, how, solver="auto", stop=stop)
+    return with_entry(
+        plan, MoveAbsJ.key, planning, targets, how, solver="auto", are_postures=True, stop=stop
+    )
 
 
 class MoveJ(ToolMotion, ArmMotion):

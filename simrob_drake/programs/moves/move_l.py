@@ -64,6 +64,7 @@ def plan_move_l(
     Raises:
         Unreachable: no posture reaches a point. The message names it, why, and how near the best posture comes.
         BrokenPath: no continuous motion joins two points.
+        InvalidParameter: the targets have a wrong shape, or an option is invalid.
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or
             has a collision. The message names the first such point.
     """
@@ -116,7 +117,8 @@ def plan_move_c(
         how: see :class:`How`.
 
     Raises:
-        InvalidParameter: the points of an arc are on one line, or `via` has another count than the targets.
+        InvalidParameter: the points of an arc are on one line, `via` has another count than the targets, the points
+            have a wrong shape, or an option is invalid.
         Unreachable: no posture reaches a point. The message names it, why, and how near the best posture comes.
         BrokenPath: no continuous motion joins two points.
         JointLimitExceeded, SpeedLimitExceeded, AccelerationLimitExceeded, PathCollision: the move exceeds a limit or

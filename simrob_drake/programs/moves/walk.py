@@ -61,8 +61,9 @@ class GaitMove(Move):
     def stage(self, robot: LeggedGeometry, outlook: Outlook, name: str) -> Stage:
         """Plan the motion as a check, and return the stage that runs it.
 
-        The first run of the stage uses this plan if nothing has changed by then that the plan depends on. Otherwise,
-        and in each further run, the stage plans again.
+        The first run of the stage uses this plan, unless the station is on a slope, an earlier move changes the station
+        in a way that is not known exactly, or arms are elsewhere by then. Otherwise, and in each further run, the stage
+        plans again.
 
         Args:
             robot: the robot.
@@ -72,8 +73,8 @@ class GaitMove(Move):
         Raises:
             SimrobError: the robot cannot perform the gait. The stage raises it, too, if it plans again.
         """
-        # A gait leaves arms (axes in no leg) where earlier moves have put them: its plan depends on their positions.
-        # Here they are where they are before the program.
+        # A gait whose legs are solved leaves arms (axes in no leg) where earlier moves have put them: its plan depends
+        # on their positions. Here they are where they are before the program.
         arms_at_check = taught_arms(robot)
         # The plan of the check, as long as it is valid. It is taken out of the list when it runs, which frees its
         # memory. If the list is empty, the stage plans again.
@@ -167,7 +168,7 @@ class GoMove(Move):
     ) -> frozenset[str] | None:
         """Keys that the pendant's input form offers for this move: all of them; see :meth:`Move.possible_keys`.
 
-        Returns None if the robot has no walk that reacts to measurements, or if the station is kinematic.
+        Returns None if the robot cannot walk so in the station, for one of the reasons under :meth:`station`.
         """
         # Whether a robot can follow commands is known only by making the station: its parts check themselves.
         try:
@@ -229,9 +230,10 @@ class GoMove(Move):
     def station(self, config: StationConfig, robot: str, *, start: float = 0.0) -> StationConfig:
         """Make a copy of a station in which a robot follows the command.
 
-        The copy has the walking controller that the station has for the robot, or else a new one, with the command of
-        this move. The controller's name stays the same from run to run, and with it its state, so that the robot
-        continues in the middle of a step. Steps of the solver are short, and a floor is as large as the walk needs.
+        The copy has the walking controller that the station has for the robot (the first one of several), or else a new
+        one, with the command of this move. The controller's name stays the same from run to run, and with it its state,
+        so that the robot continues in the middle of a step. Steps of a solver that holds references over a step are
+        short, and a floor is as large as the walk needs.
 
         Args:
             config: the station.
@@ -239,7 +241,8 @@ class GoMove(Move):
             start: the larger one of the robot's distances from the world's origin along x and along y [m].
 
         Raises:
-            SimrobError: the robot does not stand on feet of its own or has no such walk, or the station is kinematic.
+            SimrobError: the robot does not stand on feet of its own or has no such walk, the station is kinematic, or
+                `strict` is set and the legs cannot follow the command.
         """
         walks = {
             key: section for key, section in config.controllers.items() if isinstance(section, Walk)
