@@ -117,7 +117,9 @@ def _computing_order(blocks: Mapping[str, WiredBlock], measured: int) -> list[in
 
 
 def _count_terms(wired: Sequence[WiredBlock], measured: int, order: Sequence[int]) -> int:
-    """Estimate the count of terms of a net as expressions of the measured values and the states.
+    """Estimate the sum of the counts of terms of all values and derivatives of a net, as expressions.
+
+    These are expressions of the measured values and the states.
 
     Args:
         wired: the blocks.
@@ -135,10 +137,11 @@ def _count_terms(wired: Sequence[WiredBlock], measured: int, order: Sequence[int
     for number in order:
         block = wired[number].block
         if block.has_feedthrough:
+            # The equation of a block may contain each input several times.
             count = 1 + count_inputs(wired[number]) * block.input_repetitions
             # Counts grow exponentially along a chain of blocks, so they are limited.
             counts[slices[number]] = [min(count, _MOST_TERMS)] * block.size
-    # The derivatives of states contain the inputs once more.
+    # The derivatives of states contain the inputs once more. Only a block with states has their values at the start.
     rate_count = 0
     for wired_block in wired:
         if wired_block.block.start:

@@ -80,7 +80,7 @@ class ForceSection(Strict, ABC):
         return None
 
     def source(self) -> LeafSystem:
-        """Create the source. Its first output is the force (3) [N].
+        """Create the source. Its first output is the force (3) [N]. A kind without a trajectory overrides this method.
 
         For a kind with its own `add_force_law`, such as `Drag`, it is another signal over time, from which the block of
         that method computes the force.

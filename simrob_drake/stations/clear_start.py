@@ -125,8 +125,8 @@ def _faults_in_words(faults: Vector) -> list[str]:
         words.append(
             message(
                 "stations.lacks_torque",
-                "a motor that lacks {share:.0%} of its torque",
-                share=overload,
+                "a motor that needs {share:.0%} of its torque to hold the posture",
+                share=overload + _LOAD,
             )
         )
     return words
@@ -270,9 +270,9 @@ class ClearStart:
     def _require_height(self, height: float) -> None:
         """Set the height over the floor [m] that all moving bodies must have, or as much of it as they can have.
 
-        A body can have what it has in the home posture or in one of the random postures. The attribute
-        `_required_heights` gets an entry for each of the k bodies with shapes, shape (k,) [m], less the rounding. The
-        entry is -inf for a body that does not move.
+        A body can be as high as its lowest point is in the home posture, or in one of the random postures. The
+        attribute `_required_heights` gets an entry for each of the k bodies with shapes, shape (k,) [m], less the
+        rounding. The entry is -inf for a body that does not move.
         """
         self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 

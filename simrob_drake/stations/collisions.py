@@ -171,12 +171,12 @@ class CollisionPolicy:
                 continue
             # The body of a moving robot comes first, if no robot owns both.
             if robot:
-                moved = bodies
+                mover_first = bodies
             elif movers is None or first.robot in movers:
-                moved = (first.body, second.body)
+                mover_first = (first.body, second.body)
             else:
-                moved = (second.body, first.body)
-            deepest[bodies] = Overlap(depth, bodies, robot, moved)
+                mover_first = (second.body, first.body)
+            deepest[bodies] = Overlap(depth, bodies, robot, mover_first)
         return sorted(deepest.values(), key=lambda overlap: -overlap.depth)
 
     def touching(
@@ -398,8 +398,8 @@ class OwnDistances(Distances):
             query: Drake's query object, with the poses of the shapes.
         """
         distances = super().of(query)
-        # Only overlaps of hulls are measured again, with the parts, see the class. The parts are inside of the hulls,
-        # so that the larger of the two distances is the better one.
+        # Only overlaps of hulls are measured again, with the parts, see the class. The parts are inside of the hulls
+        # (up to 5 mm for visible meshes), so that the larger of the two distances is the better one.
         for index in np.flatnonzero(distances < 0.0):
             distance = self._fine.distance(query, *self.pairs[index])
             if distance is not None:

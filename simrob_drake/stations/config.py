@@ -441,7 +441,11 @@ class StationConfig(Renamed):
     )
     @classmethod
     def _check_names(cls, entries: dict[str, Any]) -> dict[str, Any]:
-        """Check that the names of a section's entries have only letters, digits and ``_``. Returns the same entries."""
+        """Check that the names of a section's entries are plain, and return the same entries.
+
+        Raises:
+            ValueError: a name is not plain: see :func:`check_plain`.
+        """
         # The names become parts of the names of ports, columns and files.
         for name in entries:
             check_plain(name)

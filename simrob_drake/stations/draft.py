@@ -323,7 +323,7 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
 def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     """Add the servo's model terms and the solver to the content of an arm's station. Returns remarks.
 
-    The solver is continuous if a trial run gets to its end quickly enough, otherwise discrete.
+    The solver is continuous if it suits the station (see `gets_through`), otherwise discrete.
     """
     # Without a feedforward, each joint sags by its weight over its gain.
     content["servo"]["feedforward"] = "gravity"
@@ -337,8 +337,7 @@ def _complete_arm(robot: RobotModel, content: dict[str, Any]) -> list[str]:
     content["servo"]["realization"] = "implicit"
     text = message(
         "stations.drafted_discrete",
-        "The solver is discrete: with radau3, a trial run takes too many steps, since some links are "
-        "very light.",
+        "The solver is discrete: radau3 would need too many steps here, most likely since some links are very light.",
     )
     return [text]
 

@@ -342,7 +342,7 @@ def _add_bus(
     reference: OutputPort,
     optional: dict[str, OutputPort],
 ) -> tuple[OutputPort, dict[str, OutputPort]]:
-    """Add the bus that brings the commands to a robot's servos, late and rounded.
+    """Add the bus that brings the commands to a robot's servos: late, and with rounded positions.
 
     Args:
         builder: builder of the diagram.
@@ -362,12 +362,14 @@ def _add_bus(
     if not_brought is not None:
         problem = message(
             "stations.bus_brings_positions",
-            "a bus transmits only positions and velocities, not {fast}",
-            fast=not_brought,
+            "a bus transmits only positions and velocities, not {signal}",
+            signal=not_brought,
         )
-        remedy = message("stations.leave_out_bus", "leave out the bus, or {fast}", fast=not_brought)
+        remedy = message(
+            "stations.leave_out_bus", "leave out the bus, or {signal}", signal=not_brought
+        )
         raise Unsuitable("servo.bus", problem, remedy)
-    # Commands are rounded to the resolution of the bus or, if it has none, to that of each motor's encoder. 0 means no
+    # Positions are rounded to the resolution of the bus or, if it has none, to that of each motor's encoder. 0 means no
     # rounding.
     own_steps = [0.0 if motor is None else motor.resolution_deg or 0.0 for motor in robot.motors]
     steps = np.array(own_steps)
@@ -487,6 +489,7 @@ def _add_servos(
             # The motion of a prescribed axis is given: its torque is computed, and replaces that of
             # the servo.
             torque = add_prescribed_torque(builder, ports, robot, torque)
+            # Torques from reaction forces lack the friction of the motors.
             if uses_reaction_forces(ports.config):
                 torque = with_friction(builder, ports, robot, torque, axes=list(robot.prescribed))
         declare_torque(ports, robot, torque)
@@ -594,7 +597,9 @@ def _external_words(place: str, *, turns: bool) -> tuple[str, str]:
 def _add_admittance_servos(
     builder: DiagramBuilder, ports: StationPorts, robot: StationRobot, signals: ServoSignals
 ) -> None:
-    """Add servos with an integrator that gives way to external torques, and an output of these torques.
+    """Add servos that give way to external torques, and an output of these torques.
+
+    An integrator of the external torque gives a further torque, which is added to that of the servos.
 
     The external ("felt") torque is the model's torque at the present state without acceleration, minus the torque of
     the servos.
@@ -608,9 +613,9 @@ def _add_admittance_servos(
     steady = add_and_connect(builder, f"{name}.acceleration", no_acceleration)
     force = add_model_torque(builder, plant, ports.state, steady, name=name)
     model = add_matrix_gain(builder, f"{name}.axes", robot.axis_map.velocity_matrix, force)
-    extra = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
+    yielding = add_admittance(builder, signals, robot.gains, model, gain=gain, prefix=prefix)
     feedforward = [] if signals.feedforward is None else [signals.feedforward]
-    total = add_sum(builder, f"{prefix}feedforward_sum", *feedforward, extra)
+    total = add_sum(builder, f"{prefix}feedforward_sum", *feedforward, yielding)
     torque = _add_servo_blocks(builder, ports, robot, replace(signals, feedforward=total))
     declare_torque(ports, robot, torque)
     label = message("stations.block_admittance", "Admittance\nintegrator, {gain:g} 1/s", gain=gain)

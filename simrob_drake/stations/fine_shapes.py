@@ -304,7 +304,10 @@ def triangles_of(inspector: SceneGraphInspector, shape: GeometryId) -> Triangles
 def convex_parts_of(triangles: Triangles) -> list[Vector]:
     """Cut a mesh into convex parts, and return the corners (k, 3) of each part [m].
 
-    A convex mesh gives a single part. Results are kept in a cache on the disk.
+    A convex mesh gives a single part. Corners are in the frame of the mesh. Results are kept in a cache on the disk.
+
+    Raises:
+        UnreadableMesh: the mesh is flat, or too small.
     """
     return cached_convex_parts(triangles.vertices, triangles.faces)
 

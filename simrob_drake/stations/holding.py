@@ -63,7 +63,7 @@ def holding_findings(
     lacking = robot.model.links_without_inertia
     if lacking and np.abs(torques).max() <= NO_TORQUE:
         return [_no_inertia_finding(config, robot, lacking)]
-    # At the last sample the robot is taken to come to rest. None if no sag can be predicted.
+    # At the end of its reference the robot is taken to come to rest. None if no sag can be predicted.
     sags = _sags(config, robot, dynamics, postures[-1])
     findings = []
     for axis in range(len(robot.axes)):

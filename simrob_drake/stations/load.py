@@ -795,7 +795,8 @@ def _write_by_axis(
     """Give each axis an entry of its own where the content has one number for all axes, in place.
 
     Overrides can then change the number of a single axis. The entries are a mapping if the override names the axis, and
-    a list if it has the index of the axis. With neither, the number stays, and the override is refused later.
+    a list if it has the index of the axis. If the key ends with neither, the number stays, and the override is refused
+    later. So it is in the shared section ``servo`` of several robots, which have no common axes.
 
     Args:
         content: content of the station's file, which is changed.
@@ -816,7 +817,7 @@ def _write_by_axis(
             continue
         if axis in names:
             section[number_key] = dict.fromkeys(names, number)
-        elif axis.isdecimal():
+        elif names and axis.isdecimal():
             section[number_key] = [number] * len(names)
 
 

@@ -265,10 +265,10 @@ def servo_gains(
     """Collect the gains and limits of a robot's servos.
 
     A gain is that of the station, else that of the robot's own file, else 0. A torque limit is that of the station,
-    else the largest torque of the axis' motor, else the effort of the URDF; for an axis that has a motor only by the
-    robot's key ``servo.passive``, this effort is the ``servo.torque_limit`` of the robot's file. The limit of an
-    integral part is that of the station, else the torque limit. The speed limit of a cascade is that of the station,
-    else that of the URDF.
+    else the largest torque of the axis' motor, else the effort of the URDF. An axis that the URDF gives no motor, but
+    the key ``servo.passive`` of the robot's file does, has the ``servo.torque_limit`` of that file as its effort. The
+    limit of an integral part is that of the station, else the torque limit. The speed limit of a cascade is that of the
+    station, else that of the URDF.
 
     Passive axes have neither gains nor a torque limit: these values are 0.
 
@@ -317,7 +317,8 @@ def servo_gains(
             "stations.zero_with_computed_torque",
             "0 with law computed_torque, whose model replaces the integral part",
         )
-        raise InvalidParameter("servo.ki", servo.ki, expected)
+        largest = float(gains_of("ki").max())  # perhaps of the robot's own file
+        raise InvalidParameter("servo.ki", largest, expected)
     line = _motor_line(motors, limit, dampers=dampers) if any(motors) else None
     return ServoGains(
         kp=gains_of("kp"),

@@ -492,7 +492,7 @@ class Stances:
         return self._stance(posture, how)
 
     def _solutions(self, leg: Leg, target: Vector, length: float) -> list[Vector]:
-        """Find the ways to bend a leg that bring its foot to a point, the nearest to home first.
+        """Find ways to bend a leg that bring its foot level to a point, the nearest to home first. Moves the robot.
 
         Args:
             leg: a leg of k axes.
@@ -500,7 +500,8 @@ class Stances:
             length: full length of the leg [m].
 
         Returns:
-            the angles of each way, shape (k,) [rad or m]; empty if the leg does not reach the point.
+            the angles of each way, shape (k,) [rad or m]; empty if none is found from home, the middle of the limits
+            and some random angles.
         """
         lower_limits, upper_limits = posture_range(self._robot)
         lower = lower_limits[leg.axes]

@@ -238,7 +238,7 @@ class WalkingEngine:
         """
         row_x, row_y, row_z = group.rotation
         root_x, root_y, root_z = root
-        # Balls stand with their middles above the floor.
+        # The pose of a foot that is a ball is that of its middle, a radius above the floor; the radius of soles is 0.
         height = group.height + self.body.ball_radius
         poses = list[Rows]()
         for place, offset in zip(group.places, group.offsets, strict=True):

@@ -232,6 +232,7 @@ class Estimator:
         """
         slope = 0j
         for number in range(_SLOPE_ROUNDS):
+            # Right and left in turn. Of the stride, the estimate of the slope reads only this and the slope.
             step = Step(standing=float(number % 2))
             slope = self.estimate(Stride(step, ground=Ground(slope=slope)), state).slope
         return slope

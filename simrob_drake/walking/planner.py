@@ -579,6 +579,7 @@ class WalkPlanner:
         if self._map is not None and estimate is not None:
             return self._ground_of_map(stride, estimate, share, self._map)
         height_part = self._height_part
+        # Part of the way to go at the last sample that is still to go now. Beyond the first part of the swing it is 0.
         remainder = 1.0 - progress_since(stride.swing.share / height_part, share / height_part)
         return stride.ground._replace(
             height=stride.ground.height * remainder,
@@ -612,8 +613,8 @@ class WalkPlanner:
         footholds = [landing.place + yaw * offset for offset in offsets]
         tops = height_map.heights([estimate.in_world(foothold) for foothold in footholds])
 
-        # Parts of the remaining distances up and down that are done in this sample. After the first part of the swing,
-        # `up` is 0. Before its end, `down` is 0.
+        # Parts of the remaining distances up and down that are done in this sample, from 0 to 1; 1 in the last sample,
+        # so that the foot arrives. After the first part of the swing, `up` is 0. Before its end, `down` is 0.
         before = stride.swing.share
         height_part = self._height_part
         rest = 1.0 - height_part

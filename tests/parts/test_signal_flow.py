@@ -150,7 +150,7 @@ def test_a_stop_ends_the_run():
         ({"blocks": {"A": {"kind": "transfer_function", "numerator": [1, 0], "denominator": [1], "of": "one"}}},
          "higher degree"),
         ({"blocks": {"A": {"kind": "state_space", "A": [[0]], "B": [[1, 1]], "C": [[1]], "D": [[0]], "of": "one"}}},
-         "must be 1 × 1, for 1 input and 1 state"),
+         "must be 1 × 1, for 1 input, 1 state and 1 output"),
         ({"blocks": {"A": {"kind": "lookup", "points": [1, 0], "values": [1, 0], "of": "one"}}},
          "points must increase"),
         ({"blocks": {name: {"kind": "delay", "period": period, "of": "one"}

@@ -179,7 +179,7 @@ class TestEditing:
 
         assert held.program.duration == 1.2
         assert held.simulate().stop_time == pytest.approx(1.2)  # one run
-        assert Program.load(held.save(file)) == held.program
+        assert Program.load(held.save(file)) == held.program.on("humanoid_box")
 
     def test_short_forms_come_back_as_they_went(self, tmp_path):
         text = (

@@ -101,7 +101,7 @@ def test_without_a_posture_that_holds_the_draft_says_what_is_lacking(robot_of, c
     (remark,) = [
         remark for remark in start.remarks if "No start without faults was found" in remark
     ]
-    assert "a motor that lacks" in remark
+    assert "a motor that needs" in remark
     assert "in itself" not in remark
 
 

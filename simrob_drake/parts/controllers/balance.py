@@ -63,7 +63,7 @@ class CaptureStep(Strict):
     duration: Positive
     """Time for which the foot is in the air [s]."""
     settle: Positive = 0.3
-    """Time that the legs then take to their new posture [s]."""
+    """Time constant with which the legs then approach their new posture [s]."""
     stance: Annotated[Number, Field(ge=0, le=1)] = 1.0
     """Part of its reach that the standing leg moves while the foot is in the air; the rest follows as they settle."""
     lift_deg: dict[str, Number] = Field(min_length=1)
@@ -160,9 +160,9 @@ class StepChooser:
             # The foot is down. The offsets approach those of the reach exponentially, and stay there for good.
             approach = min(self._period / step.section.settle, 1.0)
             goal = before.part * step.reach
-            new_state = before._replace(step=number)
-            return np.array(new_state), offset + approach * (goal - offset)
+            return state, offset + approach * (goal - offset)
 
+        # The time of a step counts as a part of its duration, from 0 to 1.
         time = min(before.time + self._period / step.section.duration, 1.0)
         # The reach may still grow with the error. It never shrinks, or the foot would be pulled back in the air.
         part = max(before.part, step.part(balance))

@@ -98,13 +98,14 @@ class StateSpace(FlowBlock):
                 raise ValueError(
                     message(
                         "parts.matrix_size",
-                        "{name} must be {rows} × {columns}, for {inputs} {inputs:input|inputs} "
-                        "and {states} {states:state|states}",
+                        "{name} must be {rows} × {columns}, for {inputs} {inputs:input|inputs}, "
+                        "{states} {states:state|states} and {outputs} {outputs:output|outputs}",
                         name=name,
                         rows=rows,
                         columns=columns,
                         inputs=inputs,
                         states=states,
+                        outputs=len(self.C),
                     )
                 )
         # An initial state that is left out is an empty one, and means zeros.

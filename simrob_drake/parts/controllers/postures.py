@@ -426,7 +426,7 @@ class FallGuard(LoopSection):
     duration: NotNegative = 0.2
     """Duration of this motion [s]."""
     reset_after: Positive | None = None
-    """Time without any exceeded bound after which the guard ends [s]; it never does unless given."""
+    """Time without a fall after which the guard ends [s]; it never does unless given."""
 
     @model_validator(mode="after")
     def _check_has_bound(self) -> "FallGuard":
@@ -581,9 +581,8 @@ class ProtectivePosture(SampledBlock):
             "active": np.zeros(1),
             "elapsed": np.zeros(1),  # time since the guard acts [s]
             "origin": zero,  # where the ramp begins [rad]
-            "well": np.zeros(
-                1
-            ),  # time for which no bound has been exceeded while the guard acts [s]
+            # Time for which `falls` has been False while the guard acts [s].
+            "well": np.zeros(1),
         }
         super().__init__(
             period=1 / section.rate, reads=reads, memory=memory, gives=("target", "active")
@@ -635,7 +634,7 @@ class ProtectivePosture(SampledBlock):
                 "elapsed": 0.0,
             }
 
-        # While a bound is exceeded, the time until the reset begins anew.
+        # While the robot falls (see `falls`), the time until the reset begins anew.
         well = 0.0 if falls else memory["well"][0] + self.period
         if well >= self._reset_after:
             return {"active": 0.0, "well": 0.0}

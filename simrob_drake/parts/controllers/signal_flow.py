@@ -767,7 +767,9 @@ def flow_over_time(blocks: Mapping[str, Any], sums: Sequence[Sum], times: Vector
     zero = Sums(kind="sum", of=({},))
     net_blocks = dict[str, FlowBlock]()
     for name, section in blocks.items():
-        net_blocks[name] = zero if section["kind"] == "input" else _BLOCK.validate_python(section)
+        net_blocks[name] = (
+            zero if section.get("kind") == "input" else _BLOCK.validate_python(section)
+        )
     # The block of this name has all sums as its output; no other block may have the name.
     net_blocks[_TORQUE] = Sums(kind="sum", of=tuple(sums))
 

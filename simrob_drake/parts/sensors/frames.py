@@ -176,6 +176,7 @@ class InertialUnit(SampledBlock):
             },
             gives=list(_INERTIAL),
             delay=section.delay_samples,
+            # A loop reads the sensor in its own first sample, when zeros would be far from the robot's motion.
             at_once=True,
         )
         # A weak reference, and an index instead of a frame: the block must not keep the plant in memory.

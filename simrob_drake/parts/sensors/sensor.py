@@ -251,7 +251,10 @@ def normal_noise(seed: int, number: int, size: int) -> Vector:
         number: number of the draw, such as that of the sample.
         size: count of values.
     """
-    return np.random.default_rng([seed, number]).standard_normal(size)
+    values = np.random.default_rng([seed, number]).standard_normal(size)
+    # All callers with equal arguments get this array: none may change it.
+    values.setflags(write=False)
+    return values
 
 
 # A time that is earlier than a sample by less than this part of a period is the time of the sample [1].

@@ -244,9 +244,8 @@ def test_a_block_of_a_joint_shows_its_signals_and_sliders_that_change_this_joint
         sliders = {one.props["aria-label"]: one for one in user.find(kind=ui.slider).elements}
         assert set(sliders) == {"servo.kp.joint_2", "servo.kd.joint_2"}
         await user.should_see("The sliders change joint_2 alone.")
-        with user:
-            sliders["servo.kp.joint_2"].value = 0.5
-        user.find(kind=ui.slider).trigger("change")
+        slider = UserInteraction(user, {sliders["servo.kp.joint_2"]}, None)
+        slider.trigger("change", 0.5)
         for _ in range(50):  # the value is taken some time after the last press of a key
             if session.drawn == 2:
                 break
