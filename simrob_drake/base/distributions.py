@@ -10,8 +10,8 @@ Searches, proofs, sweeps and learning tasks read distributions from their files:
     gravity: uniform:1.6:9.8
 
 The last one is a *line of text*, a short form of a section. A *part* of a distribution is a share of all draws, from 0
-to 1: the part of a value is the share of the draws up to this value (the cumulative distribution function), and the
-quantile of a part is the value up to which this share of the draws lies (its inverse).
+to 1. The *quantile* of a part is the value up to which this share of the draws lies. The part of a value is a share
+with this value as its quantile: the cumulative distribution function, or for a choice the middle of the value's share.
 """
 
 from abc import ABC, abstractmethod

@@ -475,6 +475,7 @@ def with_import_options(*names: str) -> Decorator:
             options = validate_section(
                 ImportOptions, content, message("cli.import_options", "import options")
             )
+            # The import may read the folders of --mesh-path.
             with granting(options.mesh_path):
                 return command(**arguments, options=None if options == ImportOptions() else options)
 

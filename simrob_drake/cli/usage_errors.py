@@ -109,11 +109,13 @@ def _wrong_value(problem: Any, finding: Any) -> Message:
 
 
 def _unknown_option(problem: Any) -> Message:
-    """Message for an option that a command does not have, with the option of a similar name that it has.
+    """Message for an option that a command does not have.
+
+    It suggests the option of a similar name that the command has, or lists all of its options if none is similar.
 
     Args:
         problem: typer's error, with the option in ``option_name`` and the context of the command in ``ctx``. Without a
-            context, no option is suggested.
+            context, none is suggested.
     """
     names = list[str]()
     if problem.ctx is not None:

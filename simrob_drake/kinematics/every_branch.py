@@ -175,6 +175,7 @@ def _with_held_axes(
     fixed = set(range(chain.size)) - set(chain.order)
     for name, value in held.items():
         axis = chain.axis_index(name)
+        # `finite` keeps the shape of a finite number, which is (). It makes an empty array of other values.
         if np.shape(finite(value)):
             raise InvalidParameter(
                 message("kinematics.held_axis", "held: {name}", name=name),

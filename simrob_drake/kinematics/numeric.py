@@ -657,13 +657,13 @@ def _read_weights(weights: npt.ArrayLike) -> Vector:
     """Convert weights in pose order [x y z Rz Ry Rx] to weights of the errors along and about x, y, z.
 
     Raises:
-        InvalidParameter: these are not six numbers, one is negative, or all are zero.
+        InvalidParameter: these are not six finite numbers, one is negative, or all are zero.
     """
     expected = message(
         "kinematics.six_weights",
         "six numbers in pose order [x y z Rz Ry Rx], none negative and not all zero",
     )
-    values = finite(weights)
+    values = finite(weights)  # empty if they are not finite numbers
     if values.shape != (POSE_SIZE,) or (values < 0).any() or not values.any():
         raise InvalidParameter("weights", weights, expected)
     # Users order angles Rz Ry Rx, as in a pose; rotation vectors have the order x, y, z.

@@ -122,7 +122,7 @@ def through_zones(ways: Sequence[Way], zone: float) -> Way:
         # First without zones: each part belongs to one of the paths.
         indices = np.minimum(np.searchsorted(ends, covered), len(ways) - 1)
         pieces = []
-        # A place on a path is measured from its end, where it is negative or 0 [m].
+        # A place on a path is its distance from the path's end, with a negative sign [m].
         for index, way in enumerate(ways):
             from_end = covered[indices == index] - ends[index]
             if from_end.size:

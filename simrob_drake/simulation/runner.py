@@ -939,7 +939,8 @@ class RunBranch:
             # The diagrams may have played the pushes of another branch since.
             self._diagrams.play(self._references, config.forces)
             return self._diagrams
-        # They have the same states as those of the branch, since a push has no state.
+        # They have the same states as those of the branch, since a push has no state. They play the references that the
+        # user gave for the branch, from the same positions.
         requested = by_robot(config, self._reference)
         return self._runner._diagrams_for(config, requested, self._origins)
 

@@ -503,5 +503,5 @@ def test_the_file_of_a_robot_is_no_station_and_the_command_that_makes_one_is_nam
 
 def test_an_index_in_the_servos_of_several_robots_does_not_empty_them():
     """It replaced the gain by an empty list, and the error spoke of that list."""
-    with pytest.raises(SimrobError, match=r"servo\.kp is .*so it has no key '?0"):
+    with pytest.raises(SimrobError, match=r"servo\.kp: is 1000, so it has no key '0'"):
         load_station("two_irb120", {"servo.kp.0": 500})

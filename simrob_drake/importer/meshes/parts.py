@@ -297,12 +297,13 @@ def decimate(parts: Sequence[MeshPart]) -> list[MeshPart]:
     return [_simplify(part, max(100, len(part.faces) * MOST_FACES // total)) for part in parts]
 
 
+# The library would take Ctrl+C for an error of its own: it is heard after the call.
 @heard_afterwards()
 def _simplify(part: MeshPart, target: int) -> MeshPart:
     """Simplify a part to about ``target`` faces, or up to four times as many if its size would change by over 1 %.
 
     The result has no normals and no texture; the mean colour of the texture takes its place. The part itself is
-    returned if no simplification keeps its size.
+    returned if it has no more than ``target`` faces, and if no simplification keeps its size.
     """
     from fast_simplification import simplify
 

@@ -340,8 +340,8 @@ class Gait(Strict):
 
         Raises:
             OutOfReach: a leg is too short for a step, or a joint is beyond a limit.
-            InvalidParameter: the robot cannot perform this kind of gait, the count of steps is less than 1, or the
-                amplitude is invalid.
+            InvalidParameter: the robot cannot perform this kind of gait, the count of steps is less than 1 for a kind
+                with steps, or the amplitude is invalid.
             InvalidConfig: a parameter has an invalid value.
             UnknownName: there is no such robot, gait, axis or foot.
         """

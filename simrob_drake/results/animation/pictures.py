@@ -228,12 +228,12 @@ def _with_progress(images: Iterable[Pixels], advance: Advance | None) -> Iterato
 
     Args:
         images: the images.
-        advance: function that moves the bar to a number; None if there is no bar.
+        advance: function that moves the bar to the count of images that are done; None if there is no bar.
     """
-    for number, image in enumerate(images):
+    for done_count, image in enumerate(images, start=1):
         yield image
         if advance:
-            advance(number)
+            advance(done_count)
 
 
 def write_video(images: Iterable[Pixels], file: Path, frames_per_second: float) -> Path:

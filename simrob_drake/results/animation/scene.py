@@ -139,6 +139,8 @@ class ViewedStation(PosedStation):
     ) -> Vector:
         """Points around the motion of a run, at 24 even times and where its parts follow each other.
 
+        Of a run that diverged, the last tenth is left out.
+
         Args:
             result: the run.
             displacement: displacement of a camera that follows the only robot. Then the points are those of this

@@ -64,7 +64,7 @@ _LEGEND = 26.0
 """Height of the legend under the picture [px]."""
 
 _VALUE_HEIGHT = 14.0
-"""Height of a signal's value over its line, if the signal has no name next to which the value fits [px]."""
+"""Height of a signal's value over the place of a name, if the signal has no name beside which the value fits [px]."""
 
 _POINTS_PER_INCH = 72
 _RESOLUTION = 144
@@ -406,7 +406,8 @@ def _svg_value(index: int, drawn_net: _DrawnNet) -> str:
         x = label.x + text_width(f"{net.text} ", _SIGNAL_SIZE)
         y = label.y
     else:
-        # The line is so short that the value would reach into the next block, so it is written above both.
+        # The line is so short that the value would reach into the next block, so it is written above line and block,
+        # and a little to the left.
         x = label.x - _VALUE_HEIGHT / 2
         y = label.y - _VALUE_HEIGHT
     return (

@@ -135,7 +135,7 @@ def save_figure(figure: Figure, file: Path | str, *, beside: bool = False) -> Pa
 
 
 def complete_figure(figure: Figure, *, beside: bool = False) -> None:
-    """Write title and legends into a figure. A second call replaces those of the first.
+    """Write title and legends into a figure. A second call with the same ``beside`` replaces those of the first.
 
     Args:
         figure: the figure, whose label is its title. Curves without labels are in no legend.

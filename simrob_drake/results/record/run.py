@@ -621,10 +621,11 @@ def all_events(result: RecordedRun) -> list[Event]:
     """
     start = Event(result.start_time, "start")
     contacts = []
-    # The last entry is the end of the last run.
+    # Begins of the runs in the time of the program, of which a single run is the only one. The last entry is the end of
+    # the last run.
     begins = begins_of(*result.parts)[:-1]
     for begin, run in zip(begins.tolist(), result.parts, strict=True):
-        # The times of a single run are absolute, and those of a program count from its first run.
+        # Each run has its own times, which are shifted to those of the program. A single run keeps its own.
         shift = begin - run.start_time if result.runs else 0.0
         contacts += [Event(onset.time + shift, onset.text) for onset in run.onsets]
     # Sorting is stable: of events at the same time, marks come before contacts.
