@@ -16,6 +16,7 @@ from simrob_drake.base.folders import (
     CACHE_VARIABLE,
     cache_entry,
     filled_at_once,
+    free_path,
     replaced_at_once,
     writing,
 )
@@ -230,3 +231,12 @@ def test_entries_of_a_cache_go_when_nobody_asked_for_them_in_ninety_days(tmp_pat
     assert {path.name for path in entries[b"used"].parent.iterdir()} == {
         entries[n].name for n in (b"used", b"young")
     }
+
+
+def test_the_number_of_a_folder_is_at_its_end_and_that_of_a_file_before_the_ending(tmp_path):
+    (tmp_path / "plot.png").touch()
+    (tmp_path / "arm.v2-2026").mkdir()
+
+    assert free_path(tmp_path / "plot.png").name == "plot-2.png"
+    assert free_path(tmp_path / "arm.v2-2026", is_folder=True).name == "arm.v2-2026-2"
+    assert free_path(tmp_path / "other.v2", is_folder=True).name == "other.v2"

@@ -107,7 +107,7 @@ class Unsuitable(InvalidParameter):
 
 
 class UnknownName(SimrobError):
-    """Raised when nothing has a given name. The message proposes the nearest known name."""
+    """Raised when nothing has a given name. The message proposes the nearest known name, or lists all of them."""
 
     def __init__(self, kind: str, name: object, known: Iterable[str]) -> None:
         """Create the error.

@@ -461,7 +461,8 @@ def _check_name(addition: Addition, found: Any, named_by: str) -> None:
 def additions(point: str) -> dict[str, Addition]:
     """Find what the extensions in use add at one extension point (a key of POINTS), by name.
 
-    Names that the core has there are left out: they mean the core's own thing.
+    Names that the core has there are left out: they mean the core's own thing. The names of the core are known once the
+    module with its own entries at this point is imported.
     """
     taken = core_names(point)
     found = {}

@@ -136,9 +136,14 @@ def check_new_file(file: Path, *, force: bool) -> None:
         )
 
 
-def free_path(path: Path) -> Path:
-    """Find a path that does not exist: the given one, or one with a number, such as ``plot-2.png``."""
-    numbered = (path.with_name(f"{path.stem}-{number}{path.suffix}") for number in range(2, 1000))
+def free_path(path: Path, *, is_folder: bool = False) -> Path:
+    """Find a path that does not exist: the given one, or one with a number, such as ``plot-2.png``.
+
+    The number of a file stands before its ending. What follows a point in the name of a folder is no ending.
+    """
+    ending = "" if is_folder else path.suffix
+    stem = path.name.removesuffix(ending)
+    numbered = (path.with_name(f"{stem}-{number}{ending}") for number in range(2, 1000))
     return next(one for one in (path, *numbered) if not os.path.exists(one))
 
 

@@ -88,8 +88,9 @@ class IncrementalSolver(Solver):
         """Follow each of k targets from its own start.
 
         For a target that turns the tool by more than the limit, the tool only goes to its position. The error of
-        rotation is left, so such a target counts as not reached, unless the limit is 0: then rotations are no errors.
-        A target that is reached only beyond a rounded limit counts as reached, with a warning that names the axis.
+        rotation is left, so such a target counts as not reached, unless the limit is 0: then rotations are no errors. A
+        target that is reached only beyond a rounded limit counts as reached, with a warning that names the axis; not if
+        the limit of rotations is 0.
 
         Args:
             targets: poses of the tool, shape (k, 4, 4).
@@ -117,7 +118,7 @@ class IncrementalSolver(Solver):
             ~self._within(errors) & is_rotation_followed & is_at_limit.any(axis=1)
         )
         if rows.size:
-            # Indexing by rows copies, so the changed postures and errors are written back.
+            # `settle_at_limits` changes both in place. Indexing by rows copies, so they are written back.
             own_positions = positions[rows]
             own_errors = errors[rows]
             is_accepted[rows] = settle_at_limits(

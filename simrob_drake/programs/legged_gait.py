@@ -282,6 +282,7 @@ def _check_station(robot: LeggedGeometry, station: ResolvedStation, gait: Gait, 
                 name=name,
             ),
         )
+    # In a kinematic station no base floats.
     stands = floats and config.contact and station.ground.carries(robot.soles, _NEAR)
     if gait.on_feet and not stands:
         expected = message(

@@ -163,14 +163,14 @@ class LeggedRobot(LeggedGeometry):
     def step(self, move_time: float | None = None) -> SimulationResult:
         """Take one step ahead, and store it (Paso).
 
-        A robot whose ``gaits.yaml`` has a sequence ``step``, such as the humanoid of MATLAB, goes through its postures
-        by moves of joints: the step of the thesis with the left leg, four moves (p. 94), made for its large feet. Other
-        robots, and this one on much smaller feet, take one step of full length by the first gait for their feet, and
-        bring their feet together.
+        A robot whose ``gaits.yaml`` has a sequence ``step`` goes through its postures by moves of joints. That of the
+        humanoid of MATLAB is the step of the thesis with the left leg (p. 94): four moves, made for its large feet.
+        Other robots, and this one on much smaller feet, take one step of full length by the first gait for their feet,
+        and bring their feet together.
 
         Args:
-            move_time: duration of each of the moves, 1 in the thesis, or of each step of the gait [s]. If it is None,
-                that of the sequence or the gait.
+            move_time: duration of each of the moves, or of each step of the gait [s]; the thesis has 1 s. If it is
+                None, that of the sequence or the gait.
 
         Raises:
             SimrobError: see :meth:`walk`; or the time is not positive.

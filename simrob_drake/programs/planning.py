@@ -87,7 +87,7 @@ def world_poses(
     Args:
         targets: one or several poses in any form, or places (3,) or (k, 3) [m].
         wobj: pose of the work object in the world.
-        turn: orientation in the world that the tool gets at places, shape (3, 3).
+        turn: rotation matrix of the orientation that the tool gets at places, shape (3, 3).
         name: name of the targets for error messages.
 
     Raises:

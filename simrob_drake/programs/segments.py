@@ -88,10 +88,10 @@ def zone_size(zone: object) -> float:
 def through_zones(ways: Sequence[Way], zone: float) -> Way:
     r"""Join paths to one target each, so that the tool passes the targets within zones as in RAPID.
 
-    Let x be the distance behind the corner between two paths, in zones, from -1 to 1. Within the zone the motions of
-    both paths are added: of the second, :math:`g(x) = 2 t^3 - t^4` with :math:`t = (x + 1) / 2` is covered, and of the
-    first, :math:`g(-x)` is left. Position, direction and curvature are continuous, because :math:`g'` rises from 0 to 1
-    and :math:`g(x) - g(-x) = x`.
+    Let x be the distance past the corner between two paths, in zones, from -1 (before it) to 1. Within the zone the
+    motions of both paths are added: of the second, :math:`g(x) = 2 t^3 - t^4` with :math:`t = (x + 1) / 2` is covered,
+    and of the first, :math:`g(-x)` is left. Position, direction and curvature are continuous, because :math:`g'` rises
+    from 0 to 1 and :math:`g(x) - g(-x) = x`.
 
     Args:
         ways: the paths, one after the other.
@@ -152,7 +152,7 @@ def _zone_share(x: Vector) -> Vector:
     """Function g of :func:`through_zones`: the length of the second path that is covered, in zones, from 0 to 1.
 
     Args:
-        x: distance behind the corner, in zones, from -1 to 1, shape (k,).
+        x: distance past the corner, in zones, from -1 (before it) to 1, shape (k,).
     """
     t = (x + 1) / 2
     return np.asarray(t**3 * (2 - t))

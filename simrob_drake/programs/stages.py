@@ -171,7 +171,7 @@ def stages_of_program(
         SimrobError: the robot cannot perform a move, or cannot reach a reference.
     """
     _check_references(robot, program, file)
-    # The options of an automatic program; None for a program of moves.
+    # `program.automatic` has the options of a program of cells, and is None for a program of moves.
     if program.automatic:
         return [ProgramStage(partial(run_cells, cells=program.references, pace=program.automatic))]
     # A program that only attaches pieces has no run, and so no result that could be returned.

@@ -417,7 +417,8 @@ class StatefulStation(ABC):
         Args:
             piece: name of the piece.
             robot: name of the robot. If it is None, the only robot of the station.
-            frame: a frame of the piece in use; or a tool or link of the robot, in place of its first tool.
+            frame: a frame of the piece that is the tool in use; or a tool or link of the robot, in place of its first
+                tool.
             pose: pose of the piece in the frame of its new parent, to which it jumps. If it is None, the piece stays
                 where it is, and must be near.
         """
@@ -630,7 +631,7 @@ class StatefulStation(ABC):
             robots: names of the robots that move. They begin at their references.
 
         Raises:
-            StartInCollision: a robot that moves is in collision now.
+            StartInCollision: at its reference, a robot that moves overlaps another body by more than the tolerance.
         """
         return FreeSpace(self.collision_model, {robot: self.reference(robot) for robot in robots})
 

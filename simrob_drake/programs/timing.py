@@ -566,10 +566,10 @@ def _turns(segments: Sequence[Segment]) -> Vector:
 
 
 def _speed_lengths(segments: Sequence[Segment]) -> Vector:
-    """Length of the path of each segment to which a speed applies, shape (k,) [m].
+    """Length of each segment that a speed is applied to, for all k segments, shape (k,) [m].
 
     It is the length of the tool's path. If the tool does not move or only turns, it is the turn of the joint that turns
-    most, where a radian counts 0.1 m.
+    most, where a radian, or a metre of a sliding joint, counts 0.1 m.
     """
     lengths = _lengths(segments)
     return np.where(lengths < _LEAST_LENGTH, _TURN_LENGTH * _turns(segments), lengths)

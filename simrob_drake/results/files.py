@@ -66,7 +66,7 @@ def default_folder(station: str) -> Path:
     Args:
         station: name of the station.
     """
-    return free_path(RUNS / f"{station}-{datetime.now():%Y%m%d-%H%M%S}")
+    return free_path(RUNS / f"{station}-{datetime.now():%Y%m%d-%H%M%S}", is_folder=True)
 
 
 def save_result(

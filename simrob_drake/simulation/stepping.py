@@ -358,7 +358,7 @@ class Stepper:
         )
 
     def _reason(self, status: SimulatorStatus) -> str:
-        """Reason why a block ended the run. A monitor's has its id, which Drake's status does not keep."""
+        """Reason why a block ended the run. A monitor's is a message with an id, which Drake's status loses."""
         block = status.system()
         if isinstance(block, Monitor):
             return block.reason(block.GetMyContextFromRoot(self.simulator.get_context()))

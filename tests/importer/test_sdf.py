@@ -1,5 +1,6 @@
 """SDF files: models move as Drake's own reader of SDF has them, and what no tree of motored joints can say is told."""
 
+import xml.etree.ElementTree as ET
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from simrob_drake.base.errors import SimrobError
 from simrob_drake.importer.importing import ImportedRobot, import_robot
 from simrob_drake.importer.reading.source import read_source
+from simrob_drake.importer.sdf.robot import write_limits
 from simrob_drake.robots.imports import ImportOptions, ImportReport
 from simrob_drake.robots.parse import add_urdf
 
@@ -299,3 +301,24 @@ def test_nothing_is_read_from_the_network(tmp_path):
     read_source(file, report := ImportReport(file))
 
     assert any(entry.kind == "lost" and "network" in entry.text for entry in report.entries)
+
+
+@pytest.mark.parametrize(
+    ("limit", "kind", "written"),
+    [
+        ("<lower>-1.5</lower><upper>2</upper>", "revolute", {"lower": "-1.5", "upper": "2"}),
+        ("<lower>-1.5</lower>", "continuous", {"lower": "-1.5"}),
+        ("<lower>-1e16</lower><upper>1e16</upper>", "continuous", {}),
+        ("<effort>-1</effort><velocity>3</velocity>", "continuous", {"velocity": "3"}),
+    ],
+)
+def test_a_joint_with_both_limits_is_revolute_and_others_are_continuous(
+    limit: str, kind: str, written: dict[str, str]
+) -> None:
+    joint = ET.fromstring('<joint type="revolute"/>')
+    axis = ET.fromstring(f"<axis><limit>{limit}</limit></axis>")
+
+    write_limits(joint, axis)
+
+    assert joint.get("type") == kind
+    assert joint.find("limit").attrib == written

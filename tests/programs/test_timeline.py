@@ -210,3 +210,20 @@ def test_a_program_whose_changes_are_wrong_leaves_the_station_as_it_was() -> Non
     with pytest.raises(SimrobError), following(cell, GRID, (wrong,), strict=True):
         pass
     assert (cell.timeline, cell.strict) == before
+
+
+def test_the_last_command_before_a_time_drives_a_robot_and_other_changes_do_not() -> None:
+    """Each line has the time since the change, the speeds ahead and to the left, and the turning speed in degrees."""
+    changes = [
+        {"time": 0.0, "set": {"gravity": 9.0}},
+        {"time": 0.1, "drive": {"commands": [(0.0, 0.3, 0.0, 0.0), (0.5, 0.2, -0.1, 90.0)]}},
+        {"time": 0.2, "drive": {"at": "other", "commands": [(0.0, 9.0, 9.0, 9.0)]}},
+        {"time": 0.3, "push": {"at": "trunk", "force": [3, 0, 0], "duration": 0.1}},
+    ]
+    timeline = Timeline(GRID, tuple(map(Change.model_validate, changes)))
+    (walk,) = timeline.walk_drivers(load_station("roid1_walking")).values()
+
+    assert walk(0.05) is None
+    assert walk(0.11) == pytest.approx((0.3, 0.0, 0.0))
+    assert walk(0.59) == pytest.approx((0.3, 0.0, 0.0))
+    assert walk(0.61) == pytest.approx((0.2, -0.1, np.pi / 2))

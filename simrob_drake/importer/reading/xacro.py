@@ -519,7 +519,7 @@ def _comparisons_of(node: ast.Compare) -> Iterator[_Comparison]:
 def _values_in_path(
     path: _PackagePath, names: set[str], find: Callable[[str], Path]
 ) -> Iterator[str]:
-    """Yield the values of a variable part of a path for which there is a file with that path.
+    """Yield what stands for a variable part in the paths of existing files; other variable parts may be anything.
 
     If the variable occurs several times in the path, its first occurrence counts. A path with ``..`` or with more than
     `_MOST_VARIABLES` variable parts gives no values.

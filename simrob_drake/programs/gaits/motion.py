@@ -262,8 +262,8 @@ class Gait(Strict):
             amplitude: factor of the parameters in :attr:`scaled`, such as the step length.
 
         Raises:
-            UnknownName: the robot has no such gait. The message lists the gaits of the section, or, if this section is
-                empty, the entries of the other sections except ``reacting``.
+            UnknownName: the robot has no such gait. The message proposes the nearest gait of the section, or lists them
+                if none is near; if this section is empty, the entries of the others except ``reacting``.
             InvalidParameter: the amplitude is not a finite number.
             InvalidConfig: a parameter has an invalid value.
         """

@@ -204,7 +204,9 @@ def base_distances(result: RecordedRun, times: Vector) -> Vector:
 
 
 def _followed_robot(result: RecordedRun) -> str | None:
-    """Name of the robot that a camera may follow: one that can walk, or whose controller requests it.
+    """Name of the robot that a camera may follow: one that could walk, or whose controller requests it.
+
+    A robot could walk if it has feet, a base that moves freely, and joints that are moved by torques.
 
     Returns None if there is no such robot, or if the station has several robots of any kind.
     """

@@ -253,7 +253,7 @@ class LiveView:
     def _wait(self) -> None:
         """Wait until the next picture is due. If it is late by a whole picture, all later ones are as late.
 
-        Otherwise the run would be shown too fast after a slow part.
+        Without this shift, the run would be shown too fast after a slow part.
         """
         # Time until the picture is due [s]; negative if it is late.
         ahead = self._clock_at_zero + self._next_frame - perf_counter()

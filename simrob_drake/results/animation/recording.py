@@ -446,13 +446,13 @@ def _draw_arrow(
     Args:
         meshcat: the Meshcat.
         path: path of the arrow in Meshcat's tree.
-        forces: the force in each frame. The arrow is hidden in frames in which it is None.
+        forces: the force in each frame. The arrow is hidden in frames in which it is None or 0.
         animation_times: times of the frames in the animation [s].
         large: magnitude of the force whose arrow has the usual length [N].
         colour: colour of the arrow.
     """
     # The arrow points along z. Its shaft has the length 1 and is scaled; the tip of Meshcat's cone is at its origin, so
-    # that the cone is turned over and moved by its length. Its radius is half of its length.
+    # that the cone is turned over and moved by its length. The radius of the cone is half of its length.
     meshcat.SetObject(f"{path}/shaft", Cylinder(_RADIUS, 1.0), colour)
     meshcat.SetObject(f"{path}/head/cone", MeshcatCone(_HEAD, _HEAD / 2, _HEAD / 2), colour)
     meshcat.SetTransform(
@@ -463,9 +463,11 @@ def _draw_arrow(
         meshcat.SetProperty(f"{path}/{part}/<object>", "material.depthTest", False)
     for time, force in zip(animation_times, forces, strict=True):
         # Each property is set in every frame: the animation keeps the last value otherwise.
-        meshcat.SetProperty(path, "visible", force is not None, time)
-        if force is None or not force.components.any():
-            continue  # the arrow is hidden, or the force is 0 and has no direction
+        # A force of 0 has no direction.
+        is_shown = force is not None and bool(force.components.any())
+        meshcat.SetProperty(path, "visible", is_shown, time)
+        if force is None or not is_shown:
+            continue
         length = float(np.linalg.norm(force.components)) / large * _ARROW
         rotation = RotationMatrix.MakeFromOneVector(force.components, 2)
         meshcat.SetTransform(path, RigidTransform(rotation, force.point), time)

@@ -90,7 +90,7 @@ class ViewedStation(PosedStation):
             config: the station.
             meshcat: Meshcat into which the scene is drawn, if any.
             engine: engine that renders images of the scene, if any.
-            path: positions that a robot passes, shape (k, 3) [m]. Images have lines on the floor along them.
+            path: positions that a robot passes, shape (k, 3) [m]. Images have a grid of lines on the floor around them.
 
         Raises:
             SimrobError: the station cannot be built, such as a robot without its files.

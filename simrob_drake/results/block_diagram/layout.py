@@ -353,8 +353,9 @@ class Layout:
 
         Args:
             column: boxes of the column. Its order changes if ``may_reorder`` is set.
-            to_the_right: whether the column is aligned to the boxes at its left. Otherwise to those at its right.
-            may_reorder: whether the boxes are sorted by the heights at which they should be.
+            to_the_right: whether the nets that enter the boxes decide their heights, as mostly those from the left;
+                otherwise the nets that leave. See `_desired_height`.
+            may_reorder: whether the boxes are sorted by the heights at which they should be; forces come last.
         """
 
         def desired_height(box: Box) -> float:

@@ -543,6 +543,7 @@ def _dot_edge(graph: BlockGraph, arrow: Arrow) -> str:
         attributes["dir"] = "both"
     left = arrow.source
     right = arrow.target
+    # Arrows in both directions are made forward, so that this does not replace "both".
     if not graph.is_forward(arrow.source, arrow.target):
         attributes["dir"] = "back"
         left = arrow.target

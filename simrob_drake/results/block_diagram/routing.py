@@ -555,8 +555,9 @@ def _order_of_trunks(trunks: Sequence[_Trunk]) -> list[_Trunk]:
 def _rank_of_trunk(trunk: _Trunk) -> _Rank:
     """Sort key of a trunk in its channel, from left to right.
 
-    First come trunks that lead up, the highest first; then those that lead down, the lowest first; then those of nets
-    that come back from the right. With this order, trunks that lead in the same direction do not cross.
+    First come trunks that do not lead down, the highest first; then those that lead down, the lowest first; then those
+    of nets that come back from the right, the highest first. With this order, trunks that lead in the same direction do
+    not cross.
     """
     if not trunk.from_left:  # the net comes back from the right
         return _Rank(2, min(trunk.from_right))

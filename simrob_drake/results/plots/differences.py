@@ -30,8 +30,8 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
 
     Returns:
         a text for each result, such as ``servo.kp.lift 14000``. Of more than three keys it has the first three and the
-        count of the others. It is empty if the results have the same keys and values, or if neither their stations nor
-        their programs are saved.
+        count of the others. The texts are empty if the results have the same keys and values, or if neither their
+        stations nor their programs are saved.
     """
     settings = _with_same_keys([_settings(folder) for folder in folders])
     keys = dict.fromkeys(key for values in settings for key in values)
@@ -41,7 +41,7 @@ def differing_settings(folders: Sequence[Path]) -> list[str]:
         if any(value != values[0] for value in values):
             differing[key] = values
     # A saved station has the servo of its only robot twice: at its top, and in the section of the robot. The second is
-    # left out if the first has the same values.
+    # left out if the first has the same values. `_key_at_top` is empty for other keys.
     shown = [key for key, values in differing.items() if differing.get(_key_at_top(key)) != values]
     texts = []
     for index in range(len(folders)):

@@ -243,7 +243,9 @@ class State:
             tolerant: whether outputs of robots that cannot be evaluated become NaN, as after a run in which a block
                 failed. If it is False, the error is raised.
         """
-        plant = ports.plant.plant_block
+        plant = (
+            ports.plant.plant_block
+        )  # Drake's plant, or the block of another engine in its place
         blocks = {}
         for system in _blocks_of(diagram, plant):
             # Most systems, such as gains and sums, have no memory. Entries without content would only make
