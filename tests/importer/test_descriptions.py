@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from simrob_drake.base.errors import InvalidModel, UnknownName
 from simrob_drake.cli.app import app
 from simrob_drake.importer.importing import examine_robot
+from simrob_drake.importer.named_robots import read_robot
 from simrob_drake.importer.robot_files import is_robot_file, robot_file
 
 MODULE = """
@@ -49,10 +50,16 @@ def test_a_robot_that_was_downloaded_is_found_by_its_name(downloaded):
     assert is_robot_file("red_description")
     assert robot_file("red_description", "source") == downloaded
     assert list(examine_robot("red_description").model.axes) == ["shoulder"]
+    assert list(read_robot("red_description").axes) == ["shoulder"]
 
     shown = CliRunner().invoke(app, ["station", "red_description", "--out", "red.yaml"])
     assert shown.exit_code == 0, shown.output
     assert "urdf: cache/arms/red/arm.urdf" in Path("red.yaml").read_text()
+
+
+def test_a_name_with_an_ending_is_a_file_and_no_robot_of_the_package():
+    with pytest.raises(InvalidModel, match=r"arm\.foo.*"):
+        read_robot("arm.foo")
 
 
 def test_nothing_is_downloaded(downloaded):

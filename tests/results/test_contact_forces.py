@@ -42,3 +42,12 @@ def test_the_centre_of_a_piece_that_turns_in_flight_moves_evenly(axis: int, rate
     found = _velocity_of_centre(run, "stone")
 
     assert found == pytest.approx(np.tile(FLIGHT, (7, 1)), abs=1e-12)
+
+
+def test_bodies_that_touch_at_the_start_of_a_run_do_not_begin_to_touch():
+    fallen = simulate("box_on_floor", duration=0.3, progress=False)
+
+    resting = simulate("box_on_floor", start=fallen.final_state, duration=0.05, progress=False)
+
+    assert [event.text for event in fallen.onsets] == ["box touches the ground"]
+    assert resting.onsets == []
