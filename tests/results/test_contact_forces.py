@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pydrake.math import RigidTransform, RotationMatrix
 
+from simrob_drake import simulate
 from simrob_drake.base.frames import xyz_quaternion_from_transform
 from simrob_drake.results.verdict.contact_forces import _velocity_of_centre
 
