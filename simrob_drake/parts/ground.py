@@ -17,7 +17,7 @@ from simrob_drake.base.renaming import keep_former_attributes
 
 # A point that is less deep below a surface counts as on it, since contacts give way [m].
 _CONTACT_DEPTH = 5e-3
-# Replaces smaller components of the vertical in a box's axes, by which a division would be infinite or undefined [1].
+# A smaller component of the vertical in a box's axes counts as 0: the vertical is along the faces of this axis [1].
 _SMALLEST_COMPONENT = 1e-12
 # Count of points for which heights are computed at once: it bounds the memory.
 _POINTS_AT_ONCE = 500
@@ -178,11 +178,13 @@ class Ground:
             The heights, shape (k, m) [m], for k boxes near the points; minus infinity if a line misses a box.
         """
         # Slab method. A line in the axes of a box is start + z up, with the height z. It is between the two faces of an
-        # axis while -half <= start + z up <= half, and in the box while this holds for all three axes.
+        # axis while -half <= start + z up <= half, and in the box while this holds for all three axes. A line along the
+        # faces of an axis (up is 0) is between them at all heights, or at none; a line in a face is.
         boxes = self._boxes_near(points)
         # The world's vertical in the axes of each box, shape (k, 1, 3). A box that stands upright has components of 0.
         vertical = boxes.rotations[:, 2:]
-        up = np.where(np.abs(vertical) < _SMALLEST_COMPONENT, _SMALLEST_COMPONENT, vertical)
+        is_along = np.abs(vertical) < _SMALLEST_COMPONENT
+        up = np.where(is_along, 1.0, vertical)  # without a division by 0
         # The line through a point begins at height 0, so that its parameter is the height z itself.
         points_at_zero = points * [1.0, 1.0, 0.0]
         start = (points_at_zero - boxes.middles) @ boxes.rotations  # shape (k, m, 3)
@@ -191,9 +193,12 @@ class Ground:
         at_negative_faces = (-boxes.halves - start) / up
         at_positive_faces = (boxes.halves - start) / up
         at_faces = np.sort(np.stack([at_negative_faces, at_positive_faces]), axis=0)
+        always = np.where(np.abs(start) <= boxes.halves, np.inf, -np.inf)
+        lower = np.where(is_along, -always, at_faces[0])
+        upper = np.where(is_along, always, at_faces[1])
         # The line enters the box once it is between the faces of all axes, and leaves it at the first face after that.
-        enter = at_faces[0].max(axis=2)
-        leave = at_faces[1].min(axis=2)
+        enter = lower.max(axis=2)
+        leave = upper.min(axis=2)
         return np.asarray(np.where(enter <= leave, leave, -np.inf))
 
 

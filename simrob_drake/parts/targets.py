@@ -109,7 +109,9 @@ def body_names(station: StationContents) -> list[str]:
 
 
 def frame_names(station: StationContents) -> list[str]:
-    """Names of all frames in whose axes vectors can be given: the world, links, tools, and pieces (at their TCP).
+    """Names of all frames at which forces and sensors can be, and in whose axes vectors can be given.
+
+    These are the world, links, tools, and pieces (at their TCP).
 
     A tool centre point at an offset from the tool in use has no name among them.
     """

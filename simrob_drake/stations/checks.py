@@ -286,7 +286,7 @@ def _jump_findings(
 
 
 def _effort_findings(config: StationConfig, robot: StationRobot) -> list[Finding]:
-    """Warn of torque limits of revolute joints in the robot's file that are too large for the masses of the links.
+    """Warn of torque limits of revolute joints in the robot's file that are too large for the link that each moves.
 
     Nothing is checked if the station sets torque limits for the robot's servos, or if any axis has a motor model.
     """

@@ -160,9 +160,10 @@ def shape_points(
     robot: StationRobot,
     context: Context,
 ) -> list[ShapePoints]:
-    """Find the points of each collision shape of a robot that are lowest with respect to the floor, in the world.
+    """Find points of each collision shape of a robot in the world, among them the lowest with respect to the floor.
 
-    The floor may be inclined: heights are measured along its normal. A ball has one lowest point, a box has several.
+    The floor may be inclined: heights are measured along its normal. A ball has one such point; of a box and a mesh all
+    corners are found.
 
     Args:
         station: the plant with the robot, and the ground.
@@ -405,10 +406,10 @@ class Clearance(PosedStation):
         }
 
     def lowest(self, robot: StationRobot) -> dict[str, float]:
-        """Height of the lowest point of each body of a robot above the ground beneath it [m], by the body's name.
+        """Smallest height of the points of each body above the ground beneath each of them [m], by the body's name.
 
-        A body includes the links that are fixed to it, and the pieces that it carries. Bodies without collision shapes
-        are left out. A height is negative if the point is below the ground.
+        On terrain it need not be that of the lowest point. A body includes the links that are fixed to it, and the
+        pieces that it carries. Bodies without collision shapes are left out. A height is negative below the ground.
         """
         heights: dict[str, float] = {}
         for body, points in shape_points(self.station, robot, self.context):

@@ -282,9 +282,9 @@ def _write_modulus(
 ) -> None:
     """Write the hydroelastic modulus into the properties of a shape.
 
-    A shape that the robot's file makes rigid in hydroelastic contact stays rigid. A compliant one of the file gets the
-    modulus of the material, or keeps its own if the material gives none. Any other shape becomes compliant, with the
-    modulus of the material, or MODULUS if the material gives none.
+    A shape that is already rigid in hydroelastic contact, by the robot's file or as the floor, stays rigid. A compliant
+    one of the file gets the modulus of the material, or keeps its own if the material gives none. Any other shape
+    becomes compliant, with the modulus of the material, or MODULUS if the material gives none.
 
     Args:
         properties: properties of the shape, which are changed.

@@ -104,18 +104,18 @@ def unheld_mimics(config: StationConfig, robot: str, model: RobotModel) -> list[
 
 def coupled_axes(
     config: StationConfig,
-    mimics: Mapping[str, Gear],
+    unheld_gears: Mapping[str, Gear],
     axes: Sequence[str],
 ) -> CoupledAxes:
     """Collect the equations of all gears between axes. Other couplings, such as a weld, tie bodies, not axes.
 
     Args:
         config: configuration of the station; its gears are included.
-        mimics: further gears, of mimic joints that are not part of the configuration.
+        unheld_gears: further gears, of mimic joints that are not part of the configuration.
         axes: full names of the axes of all robots, in order.
     """
     own_gears = {name: gear for name, gear in config.couplings.items() if isinstance(gear, Gear)}
-    gears = {**own_gears, **mimics}
+    gears = {**own_gears, **unheld_gears}
     return CoupledAxes(axes, [gear.equation(f"couplings.{name}") for name, gear in gears.items()])
 
 

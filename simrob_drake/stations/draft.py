@@ -306,10 +306,12 @@ def _complete_with_fixed_base(robot: RobotModel, content: dict[str, Any]) -> lis
     if height > 0:
         content["robot"]["base"] = [0.0, 0.0, height, 0.0, 0.0, 0.0]
     _set_initial_posture(robot, content, start.posture)
-    content["reference"] = {"kind": "hold"}  # if no move from the posture is clear
     # A number for all axes, or a mapping by axis, which is empty if all axes are passive or followers.
-    target = _without_followers(robot, _in_user_units(robot, start.target))
-    if (start.target != start.posture).any() and target != {}:
+    target = _targets_of_motors(robot, _in_user_units(robot, start.target))
+    has_target = target != {}
+    # The target is the posture itself if no move from it is clear.
+    content["reference"] = {"kind": "hold"}
+    if has_target and (start.target != start.posture).any():
         content["reference"] = {"kind": "move", "target_deg": target, "duration": _MOVE}
     content["duration"] = _DURATION
     remarks = list(start.remarks)
@@ -722,7 +724,7 @@ def _number_or_mapping(robot: RobotModel, values: Vector) -> float | dict[str, f
     return float(values[0]) if is_same else _by_axis(robot, values)
 
 
-def _without_followers(robot: RobotModel, values: Vector) -> float | dict[str, float]:
+def _targets_of_motors(robot: RobotModel, values: Vector) -> float | dict[str, float]:
     """Write the targets of axes (n,) without those of followers, which the couplings move, and of passive axes.
 
     Returns:

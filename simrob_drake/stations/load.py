@@ -97,10 +97,10 @@ def load_station(
         station: a name of :func:`station_names`, a YAML file, or the content of such a file as a mapping with values of
             Python, also arrays of NumPy. Relative paths in a mapping start at the current folder.
         overrides: new values. Keys may be dotted, as in ``{"servo.kp": 500}``, or values nested mappings. A section
-            whose ``kind`` changes begins from the defaults of the new kind and the other overrides, without the keys
-            that the file has for the old kind; the warning ``KeysLeftOut`` names these, unless a mapping that contains
-            the new kind replaces the whole section. The value None removes a
-            piece, sensor, monitor, coupling, force or controller.
+            whose ``kind`` changes has the defaults of the new kind and the other overrides; the keys that the file has
+            for the old kind are left out. The warning ``KeysLeftOut`` names them; there is none if a mapping that
+            contains the new kind replaces the whole section. The value None removes a piece, sensor, monitor, coupling,
+            force or controller.
         called: names of overrides for error messages, by the key of the override; ``override KEY`` by default.
         allow_code: whether the station may name Python code that is run with it, as controllers of kind ``own`` do.
         mesh_path: further folders from which files, meshes and packages may be read.
@@ -321,7 +321,7 @@ def _make_config(
         allow_code: whether the station may name Python code that is run.
         mesh_path: further folders from which meshes and packages may be read.
         is_complete: whether the content has all keys, including those with default values, as the content of a
-            configuration has.
+            configuration has. Then there is no warning of dropped keys that have default values.
         warns: whether to warn of keys that are dropped because the kind of their section changes.
 
     Raises:
@@ -549,17 +549,17 @@ def _add_to_imports(content: Content, key: str, values: list[str]) -> None:
         values: values that are added. Without any, nothing changes.
     """
     robots = content.get("robots")
-    # A section of a wrong type is refused by the validation later.
+    # Sections and lists of a wrong type stay as they are, and are refused by the validation later.
     if not values or not isinstance(robots, dict):
         return
     for robot in robots.values():
         if not isinstance(robot, dict) or not robot.get("urdf"):
             continue
         options = robot.get("import_options") or {}
-        if isinstance(options, dict):
+        own_values = (options.get(key) or []) if isinstance(options, dict) else None
+        if isinstance(own_values, list | tuple):
             # The robot's own values come first, since they are searched first.
-            all_values = [*(options.get(key) or []), *values]
-            without_duplicates = list(dict.fromkeys(all_values))
+            without_duplicates = list(dict.fromkeys([*own_values, *values]))
             robot["import_options"] = {**options, key: without_duplicates}
 
 

@@ -210,7 +210,7 @@ def _poses_in(node: Any, key: str) -> Iterator[PoseAtKey]:
         below = f"{key}.{name}" if key else name
         if name in _POSE_KEYS and isinstance(value, tuple) and len(value) == 6:
             yield PoseAtKey(below, value)
-        elif name != "program":  # the poses of a program are checked when the program is planned
+        elif below != "program":  # the poses of a program are checked when the program is planned
             yield from _poses_in(value, below)
 
 

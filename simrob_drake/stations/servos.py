@@ -101,8 +101,9 @@ def check_drives(robot: RobotModel, drives: Drives) -> None:
 def with_passive_axes(robot: RobotModel, servo: ServoConfig) -> RobotModel:
     """Copy a robot with the passive axes that the station names; the same robot if the station names none.
 
-    The largest torque of an axis that gets a motor by this is that of the station's key ``torque_limit``, else that of
-    the same key in the robot's own file, else that of the motor of the axis.
+    An axis that is passive in the robot's file gets a motor if the station's list leaves it out. Its largest torque is
+    that of the station's key ``torque_limit``, else that of the same key in the robot's own file, else that of the
+    motor of the axis.
 
     Raises:
         UnknownName: there is no axis of such a name.

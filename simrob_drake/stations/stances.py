@@ -331,7 +331,8 @@ class Stances:
                 least=needed_margin * 1e3,
             )
 
-        # For each motor, the share of its torque at rest that standing takes, shape (n,).
+        # For each axis, the share of its motor's torque at rest that standing takes, shape (n,); infinite for a passive
+        # axis that needs a torque.
         loads = self._robot.gains.holding_shares(found.torque)
         worst = int(np.argmax(loads))
         if loads[worst] > _MOTOR_LOAD:

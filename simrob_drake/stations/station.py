@@ -319,7 +319,7 @@ def _compose_with_edges(
     station: ResolvedStation,
     **how: Any,
 ) -> StationPorts:
-    """Add a station's systems, and a block that ends steps where its pushes and its signal flows have corners.
+    """Add a station's systems, and a block that ends steps at the times at which pushes and signal flows need it.
 
     Args:
         builder: builder of the diagram.
@@ -327,7 +327,7 @@ def _compose_with_edges(
         **how: arguments of `compose`.
     """
     ports = compose(builder, station, **how)
-    # Without corners a solver is free to choose its steps.
+    # Without such times a solver is free to choose its steps.
     if ports.edges:
         builder.AddNamedSystem("edges", EventTimes(ports.edges))
     return ports

@@ -163,6 +163,10 @@ def _piece_values(
 ) -> Iterator[tuple[str, ValueInForce]]:
     """Yield keys and values of a piece that the station leaves out.
 
+    With shapes or a density of the station, mass, inertia and centre of mass are computed from the shapes. With another
+    mass alone, those of them are computed that the file does not state, unless it states the inertia. Otherwise all
+    values are those of the file.
+
     Args:
         name: name of the piece in the station.
         section: section of the piece in the station.

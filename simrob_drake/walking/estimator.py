@@ -105,7 +105,7 @@ class Estimator:
             forces: vertical force on each foot [N], or None if the forces are not measured. The force of a foot that
                 :meth:`feet_to_measure` leaves out may have any value: what it says about contact is not used then.
         """
-        standing = stride.step.sides[0]
+        standing, _ = stride.step.sides  # indices of the stance group and of the swing group
         stance_feet = [state.feet[foot] for foot in self._stance.groups[standing]]
 
         # The stance frame: its origin in the middle of the feet, its x axis ahead.
@@ -121,7 +121,8 @@ class Estimator:
         velocity = turn * complex(velocity_x, velocity_y) / self._stance.roll_factor
         omega = self._stance.omega(max(z - min(state.lowest), _LEAST_HEIGHT))
 
-        # Rows of the rotation from upright to the trunk. For small leans, a sine is taken for its angle.
+        # Rows of the rotation matrix of the trunk: the last one has the heights of its x, y and z axes. For small
+        # leans, a sine is taken for its angle.
         row_x, row_y, row_z = state.trunk
         contacts = self._find_contacts(stride, state, forces, origin, turn)
         return Estimate(

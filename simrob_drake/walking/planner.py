@@ -451,11 +451,12 @@ class WalkPlanner:
             The stride of the first step, or that of the robot which goes on standing.
         """
         step = stride.step
+        # The divergent component of a robot that stands should rest at the zero-moment point.
         error = estimate.xi - stride.trunk.zmp if estimate is not None else 0j
         if step.brace_time > 0:
             threshold = self._feedback.brace_threshold
-            is_over = threshold is None or abs(error.imag) < _BRACE_HYSTERESIS * threshold
-            remaining = step.brace_time - self._period if is_over else _BRACE_TIME
+            is_small = threshold is None or abs(error.imag) < _BRACE_HYSTERESIS * threshold
+            remaining = step.brace_time - self._period if is_small else _BRACE_TIME
             return stride._replace(step=step._replace(brace_time=remaining))
 
         error = self._outside_deadband(error, _DEADBANDS_STANDING)
@@ -848,7 +849,7 @@ class WalkPlanner:
         """
         swinging = stride.step.sides[1]
         # Where the foot would stand at the end of a walk: next to the stance foot, on even ground.
-        next_to_stance_foot = Landing(stride.landing.time, self.steps.apart[swinging])
+        next_to_stance_foot = Landing(stride.landing.time, self.steps.places_beside[swinging])
         side_by_side = self._shift_to_even_ground(stride, estimate, next_to_stance_foot)
         distance = abs(stride.swing.place - side_by_side.place)
         turn_back = abs(stride.corrections.turn_back)

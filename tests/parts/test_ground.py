@@ -69,6 +69,22 @@ def test_tops_of_boxes_are_where_drake_has_their_surfaces():
         assert posed.query().ComputeSignedDistanceToPoint(above, threshold=0.0) == []
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_the_edge_of_a_box_belongs_to_it_on_all_sides(axis, side):
+    """On one side of an upright box the height was that of the floor, and below a box in the air there was none."""
+    for height in (0.1, 1.0):
+        box = (RigidTransform([0, 0, height]), np.array([0.5, 0.4, 0.1]))
+        point = np.zeros((1, 3))
+        point[0, axis] = side * box[1][axis]
+        point[0, 2] = 2.0
+
+        ground = Ground(boxes=[box], has_floor=True)
+
+        assert ground.beneath(point) == pytest.approx([height + 0.1])
+        assert ground.beneath(point * [1.01, 1.01, 1.0]) == pytest.approx([0.0])
+
+
 # A beam whose top is 1.1 m high.
 BEAM = (RigidTransform([0, 0, 1.0]), np.array([0.5, 0.5, 0.1]))
 

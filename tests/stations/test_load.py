@@ -505,3 +505,12 @@ def test_an_index_in_the_servos_of_several_robots_does_not_empty_them():
     """It replaced the gain by an empty list, and the error spoke of that list."""
     with pytest.raises(SimrobError, match=r"servo\.kp: is 1000, so it has no key '0'"):
         load_station("two_irb120", {"servo.kp.0": 500})
+
+
+@pytest.mark.parametrize("wrong", ["meshes", 5])
+def test_folders_of_meshes_that_are_no_list_are_refused_beside_the_argument_too(tmp_path, wrong):
+    """A text was taken for the folders of its letters, and a number gave a bare TypeError."""
+    robot = {"urdf": "arm.urdf", "import_options": {"mesh_path": wrong}}
+
+    with pytest.raises(SimrobError, match=r"import_options\.mesh_path"):
+        load_station({"robot": robot}, mesh_path=[tmp_path])

@@ -288,7 +288,8 @@ class MotorProtection(LoopSection):
     """Make an axis give way if its motor is overloaded or too warm, then stop the robot where it is.
 
     The loop watches the torques of the servos. It can also watch the force at a sensor (`reads: {force: <sensor>}`),
-    which stops the robot at once. It acts after all other loops of its robot, whatever their priorities.
+    which stops the robot without giving way first, once it has lasted for `hold`. It acts after all other loops of its
+    robot, whatever their priorities.
     """
 
     uppermost: ClassVar[bool] = True

@@ -53,7 +53,8 @@ class SwingUpController(LoopSection):
     velocity_gain: NotNegative = 1.0
     """Deceleration, for each unit of speed [1/s]."""
     position_weight: NotNegativeAxisValues = 10.0
-    """Weight of the squared position errors in the regulator's cost [1/rad² or 1/m²]."""
+    """Weight of the squared position errors in the regulator's cost [1/rad² or 1/m²]. Axes that a mapping leaves out
+    have 1."""
     velocity_weight: NotNegativeAxisValues = 1.0
     """Weight of the squared velocities [s²/rad² or s²/m²]."""
     torque_weight: PositiveAxisValues = 1.0

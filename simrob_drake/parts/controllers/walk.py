@@ -249,7 +249,8 @@ class Walk(LoopSection):
         commands = {
             f"commands[{number}]": entry.command for number, entry in enumerate(self.commands)
         }
-        # Along a path the robot turns as the path does, so only the speed ahead can be too large.
+        # Along a path the robot slows down in bends, so that it turns within its limit: only the speed ahead can be too
+        # large.
         if self.path is not None:
             commands["path"] = Command(complex(self.path.speed))
         found = list[str]()
@@ -295,7 +296,8 @@ class Walk(LoopSection):
     def command_at(self, time: float) -> tuple[float, ...]:
         """The command of the section at a time [s]: speeds ahead and to the left [m/s], and turn [rad/s].
 
-        They are zero before the first command. Inputs and users, who may command the walk, too, are not considered.
+        They are zero before the first command. A path, inputs and users, who may command the walk, too, are not
+        considered.
         """
         # The last command whose time has come holds.
         due = [entry for entry in self.commands if entry.time <= time]

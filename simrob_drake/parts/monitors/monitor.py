@@ -254,6 +254,7 @@ def _pose_of_robot(name: str, robot: ResolvedRobot, port: str) -> WatchedPose:
         )
     tool_text = tool or message("parts.the_tool", "the tool")
     subject = compound("{prefix}{tool}", prefix=robot.prefix, tool=tool_text)
+    # The start is that of the robot's base, also for a tool.
     return WatchedPose(subject=subject, watched=watched, start=robot.base)
 
 

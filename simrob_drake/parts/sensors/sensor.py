@@ -1,8 +1,9 @@
 """Base classes of sensors, and the replay of sensors after a run.
 
-A sensor that something in the station reads is a block of the diagram, and takes its samples while the station is
-stepped. Any other sensor would only cost the solver time, so its values are computed after the run from the recorded
-states. For this, the block of a sampled sensor is *replayed* outside of the diagram: it takes all samples of the run.
+A sensor that a controller reads, itself or by another sensor, is a block of the diagram, and takes its samples while
+the station is stepped. Any other sensor would only cost the solver time, so its values are computed after the run from
+the recorded states. For this, the block of a sampled sensor is *replayed* outside of the diagram: it takes all samples
+of the run.
 """
 
 from abc import ABC, abstractmethod
@@ -70,8 +71,10 @@ class Sensor(Strict, ABC):
     def samples_while_stepping(self) -> bool:
         """Whether the sensor takes samples while the station is stepped.
 
-        A run leaves other sensors out of the diagram that it steps, unless something reads them: a block that nothing
-        reads still costs a solver time at every evaluation of the diagram. Their values are computed after the run.
+        A run leaves other sensors out of the diagram that it steps, unless a controller reads them, itself or by
+        another sensor: a block that nothing reads still costs a solver time at every evaluation of the diagram. Their
+        values are computed from the recorded states: those that monitors need at each recorded step, others after the
+        run.
         """
         return False
 
