@@ -2,6 +2,7 @@
 
 import json
 import random
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from threading import Lock
@@ -9,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pydrake.geometry import Sphere
 from pydrake.systems.framework import DiagramBuilder
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -17,6 +19,7 @@ from simrob_drake.base.arguments import DrakeRefused, drake_asserts
 from simrob_drake.base.errors import InvalidConfig, InvalidParameter, SimrobError
 from simrob_drake.programs.moves.joints import JointMove
 from simrob_drake.results.record.state import JointState
+from simrob_drake.stations.contact import _check_resolution
 
 VALUES: dict[str, Any] = {
     "None": None,
@@ -347,3 +350,13 @@ def test_no_run_begins_where_there_is_no_number(station, tmp_path):
             match=rf"start\.json: {told}.*the key `start` expects the file start.json of a result",
         ):
             run(sim.load_station(station, {"start": str(file)}))
+
+
+@pytest.mark.parametrize("radius", [0.06, 0.013, 0.25, 1.0])
+def test_the_resolution_that_an_error_proposes_is_taken(radius):
+    """It was rounded down at times, and then refused again."""
+    with pytest.raises(InvalidParameter) as caught:
+        _check_resolution(1e-9, [Sphere(radius)])
+    proposed = float(re.search(r"must be (.*) m or more", str(caught.value))[1])
+
+    _check_resolution(proposed, [Sphere(radius)])

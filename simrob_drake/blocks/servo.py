@@ -105,9 +105,9 @@ class MotorLine:
     def bounds(self, speed: Vector, limit: Vector) -> tuple[Vector, Vector]:
         """Compute the least and the largest torque at a speed.
 
-        A limit at or above the stall torque has no effect: a motor that is turned against its torque gives more than
-        its stall torque, and may give more than the limit. Only a limit below the stall torque holds at any speed (see
-        `cap`).
+        A limit at or above the stall torque is ignored, since the voltage alone limits a motor that drives. A motor
+        that is turned against its torque may then give more than its stall torque, and more than the limit. A limit
+        below the stall torque holds at any speed (see `cap`).
 
         Args:
             speed: speeds of the axes, shape (..., n) [rad/s].
@@ -416,12 +416,12 @@ def add_motor_limits(
 
 def add_saturation(
     builder: DiagramBuilder,
-    command: OutputPort,
+    port: OutputPort,
     limit: Vector,
     name: str,
 ) -> OutputPort:
-    """Add a saturation at a limit (n,) [N·m] in both directions, and return the saturated port."""
-    return add_and_connect(builder, name, Saturation(-limit, limit), command)
+    """Add a saturation of a port at a limit (n,) in both directions, in its unit, and return the saturated port."""
+    return add_and_connect(builder, name, Saturation(-limit, limit), port)
 
 
 class _BusEntry(NamedTuple):

@@ -142,8 +142,9 @@ _NAMES: dict[str, Any] = {**vars(math), "pow": _power, "abs": abs, "min": min, "
 def _source(value: Any) -> str:
     """Write a number, a variable, an expression or a formula of Drake as Python source, part by part."""
     if isinstance(value, float):
-        # `repr` writes all digits: the source has the same number, to the last bit.
-        return repr(value)
+        # `repr` writes all digits: the source has the same number, to the last bit. That of a number of NumPy has the
+        # name of its type.
+        return repr(float(value))
     if not isinstance(value, (Expression, Formula)):
         # A whole number, or a variable of Drake, whose text is its name in the source.
         return str(value)

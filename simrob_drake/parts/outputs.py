@@ -134,10 +134,10 @@ class OutputRegistry(Mapping[str, OutputPort]):
         self.notes: dict[str, dict[str, str]] = {}
 
     def make_copy(self) -> Self:
-        """Copy the registry, so that outputs can be added to the copy alone.
+        """Copy the registry once the station is built, so that outputs can be added to the copy alone.
 
-        The copy shares with the original what is only changed while the station is built: images, monitors, functions
-        for after the run, and blocks that have not joined.
+        The copy shares with the original what changes only before that: images, monitors, functions for after the run,
+        and blocks that have not joined.
         """
         # `copy` alone would share the mappings: what is added to the copy would appear in the original.
         twin = copy(self)

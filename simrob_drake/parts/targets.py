@@ -189,7 +189,8 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
     """
     if name == WORLD:
         return plant.plant.world_frame()
-    # A tool comes before a link of the same name. The prefix of the only robot is empty, so every name begins with it.
+    # A tool, or a carried piece by its tool centre point, comes before a link of the same name. The prefix of the only
+    # robot is empty, so every name begins with it.
     for robot in plant.robots.values():
         if not name.startswith(robot.prefix):
             continue
@@ -198,7 +199,7 @@ def frame_of(plant: StationPlant, name: str) -> Frame:
             return robot.tools[own]
         if plant.plant.HasFrameNamed(own, robot.instance):
             return plant.plant.GetFrameByName(own, robot.instance)
-    # What is neither the world nor of a robot is a piece. Its frame is the one at its tool centre point.
+    # What is left is a piece that no robot carries. Its frame is the one at its tool centre point.
     return plant.piece_frame(name, f"{name}_tcp")
 
 

@@ -270,9 +270,9 @@ class ClearStart:
     def _require_height(self, height: float) -> None:
         """Set the height over the floor [m] that all moving bodies must have, or as much of it as they can have.
 
-        A body can be as high as its lowest point is in the home posture, or in one of the random postures. The
-        attribute `_required_heights` gets an entry for each of the k bodies with shapes, shape (k,) [m], less the
-        rounding. The entry is -inf for a body that does not move.
+        The greatest height that a body can have (`_highest`) is that of its lowest point in the home posture or in one
+        of the random postures, whichever is highest. The attribute `_required_heights` gets an entry for each of the k
+        bodies with shapes, shape (k,) [m], less the rounding. The entry is -inf for a body that does not move.
         """
         self._required_heights = np.minimum(height, self._highest) - _ROUNDING
 

@@ -286,10 +286,10 @@ def _self_findings(
 
 
 def _left_out_text(clearance: Clearance, robot: StationRobot) -> str:
-    """List the pairs of a robot's bodies that overlap at home or nearly always and so do not count as collisions.
+    """List the pairs of a robot's bodies that do not count as collisions.
 
-    Its bodies are its links and the pieces that it carries. Links that a joint connects do not count either, and are
-    not listed.
+    These are pairs of links that touch at home, and pairs of links and carried pieces that overlap nearly always. Links
+    that a joint connects do not count either, and are not listed.
 
     Returns the end of a sentence, or an empty text if there are no such pairs.
     """

@@ -9,6 +9,7 @@ pressure by which a hydroelastic shape resists; a *rigid* shape has none, a *com
 *axis map* converts between values of the axes and of the whole plant. The *engine* of a station is what moves it.
 """
 
+import math
 from collections.abc import Sequence
 from itertools import combinations
 
@@ -155,8 +156,11 @@ def _check_resolution(resolution: float, shapes: Sequence[Shape]) -> None:
     # Edges of the length h divide the surfaces into about area / h² faces, and the rims into length / h. With at most N
     # faces, surfaces alone allow h = sqrt(area / N), and rims alone h = length / N. The sum of the two is enough for
     # both together, and only a little more than needed.
-    finest = np.sqrt(area / _MOST_FACES) + rim_length / _MOST_FACES
+    finest = float(np.sqrt(area / _MOST_FACES) + rim_length / _MOST_FACES)
     if resolution < finest:
+        # Two digits, rounded up: the value that the message gives must not be refused.
+        place = 10.0 ** (math.floor(math.log10(finest)) - 1)
+        finest = math.ceil(finest / place) * place
         expected = message(
             "stations.coarser_resolution",
             "{finest:.2g} m or more, since a finer resolution divides the shapes of this station into "

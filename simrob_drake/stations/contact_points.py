@@ -390,15 +390,15 @@ def balls_at_corners(
 def balls_on_edges(corners: Sequence[ContactBall], edges: Sequence[Edge]) -> Iterator[ContactBall]:
     """Yield balls along the edges of a polyhedron, evenly spaced between the balls at its corners.
 
-    Two neighbouring balls are apart by at most half of the polyhedron's shortest side, unless an edge would then have
-    more than MOST_EDGE_PARTS parts.
+    Two neighbouring balls are apart by at most half of the smallest extent of the polyhedron along its axes, unless an
+    edge would then have more than MOST_EDGE_PARTS parts.
 
     Args:
         corners: balls at all corners of the polyhedron.
         edges: edges between these corners.
     """
     centres = np.array([ball.centre for ball in corners])
-    # Half of the shortest side. The box around the balls is a little smaller than that around the polyhedron.
+    # Half of the smallest extent. The box around the balls is a little smaller than that around the polyhedron.
     longest_part = float(np.ptp(centres, axis=0).min()) / 2
     for edge in edges:
         start = centres[edge.first]

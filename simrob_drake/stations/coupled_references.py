@@ -116,6 +116,7 @@ def _check_conditions(
             continue
         axis = violation.axis
         position = positions[violation.sample]
+        # In the user's unit, whose size in SI is `sizes`.
         text = position_text(position[axis] / units.sizes[axis])
         value = message(
             "stations.value_with_unit_at_time",

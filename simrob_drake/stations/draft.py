@@ -261,7 +261,7 @@ def _import_warnings(
     content: Mapping[str, Any],
     file: Path,
 ) -> list[str]:
-    """Find mechanics that were lost in the import of the robot's file, and implausible numbers of the robot.
+    """Find mechanics of the robot's file that the station does not simulate, and implausible numbers of the robot.
 
     Args:
         robot: the robot.
@@ -271,8 +271,8 @@ def _import_warnings(
     Returns:
         a remark for each warning.
     """
-    # The checks need the mode and the couplings. They do not depend on the posture; home within the limits is one that
-    # every station accepts.
+    # The checks need the mode and the couplings. They do not depend on the posture: `_home` is within the limits, so
+    # that every station accepts it.
     sections = {key: content[key] for key in ("mode", "couplings") if key in content}
     station = resolve(_config(robot, {**sections, "robot": {"initial_deg": _home(robot)}}))
     findings = import_findings(station.config, station.robots[ONLY_ROBOT], source=file)

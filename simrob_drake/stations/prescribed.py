@@ -161,9 +161,9 @@ def _check_servo(servo: ServoConfig) -> None:
 def with_prescribed_axes(config: StationConfig, robot: ResolvedRobot) -> ResolvedRobot:
     """Add the references of the prescribed axes to a robot, and remove the servos of these axes.
 
-    A reference gets the initial position of its axis as its start, as those of other axes do. It need not begin there:
-    a sine with a phase swings about it. The initial positions of the prescribed axes of the returned robot are those at
-    which their references begin.
+    A move starts from the initial position of its axis, as those of other axes do. Other references may begin
+    elsewhere, such as a sine with a phase. The initial positions of the prescribed axes of the returned robot are those
+    of their references at the time 0.
 
     Args:
         config: configuration of the station.

@@ -46,7 +46,7 @@ from simrob_drake.stations.resolved_pieces import held_pieces, resolved_pieces, 
 from simrob_drake.stations.servos import (
     check_drives,
     check_motors,
-    check_servo_without_model,
+    check_servo_uses_no_model,
     drives_of,
     servo_gains,
     station_motors,
@@ -400,7 +400,7 @@ def _robot(
     servo = config.servo_of(name)
     _check_axis_values(model, servo, config.reference_of(name))
     if config.engine.moves_by_forces and model.base == "floating":
-        check_servo_without_model(servo)
+        check_servo_uses_no_model(servo)
     if model.feet is None and entry.feet is not None:
         problem = message("stations.has_no_feet", "{model} has no feet", model=model.name)
         raise Unsuitable(f"robots.{name}.feet", problem)

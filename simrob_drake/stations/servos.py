@@ -455,7 +455,7 @@ def check_motors(config: StationConfig, robot: ResolvedRobot) -> None:
         raise InvalidParameter(name, f"{gains.kd[axis]:g}", expected)
 
 
-def check_servo_without_model(servo: ServoConfig) -> None:
+def check_servo_uses_no_model(servo: ServoConfig) -> None:
     """Check that servos do not compute torques from the robot's model, as a robot that stands on its feet requires.
 
     The model contains only the robot itself. It lacks the contact forces at the feet, so its torques would be wrong.

@@ -376,7 +376,7 @@ class Stances:
             posture[first_leg.axes] = first_angles
             # Legs are compared by the points of their links, as axes of two legs may have opposite
             # signs.
-            shape = self._bend(first_leg, posture)
+            shape = self._bent_shape(first_leg, posture)
             for leg, target, own_solutions in zip(
                 legs[1:], targets[1:], solutions[1:], strict=True
             ):
@@ -391,7 +391,7 @@ class Stances:
                     posture[leg.axes] = candidate
                     # Cost: difference in shape by the length, and 0.05 for each radian away from
                     # home.
-                    difference = np.linalg.norm(self._bend(leg, posture) - shape) / length
+                    difference = np.linalg.norm(self._bent_shape(leg, posture) - shape) / length
                     from_home = np.abs(candidate - self._home[leg.axes]).max()
                     costs.append(float(difference + _HOME_PREFERENCE * from_home))
                 posture[leg.axes] = candidates[int(np.argmin(costs))]
@@ -432,8 +432,8 @@ class Stances:
         pose = joint.frame_on_child().CalcPoseInWorld(self._clearance.context)
         return np.asarray(pose.rotation() @ direction)
 
-    def _bend(self, leg: Leg, posture: Vector) -> Vector:
-        """Shape of a leg of k links in a posture (n,), seen from the side.
+    def _bent_shape(self, leg: Leg, posture: Vector) -> Vector:
+        """Shape of a leg of k links in a posture (n,), seen from the side. Moves the robot.
 
         Returns:
             the positions of the links ahead of and above their hip, one after the other, shape (2 k,) [m].

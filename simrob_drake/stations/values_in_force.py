@@ -103,6 +103,7 @@ def _robot_values(
         value = _as_written(robot, values)
         if value is not None:
             yield f"{servo_key}.{key}", ValueInForce(value, _servo_origin(servo, robot, key))
+    # A section for the motor, neither a name nor motors by axis: its other keys have the values of the motor it names.
     if isinstance(servo.motor, Motor):
         yield from _motor_values(f"{servo_key}.motor", servo.motor, robot)
 

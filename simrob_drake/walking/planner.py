@@ -545,7 +545,8 @@ class WalkPlanner:
 
         # The share never goes back, also if the landing is postponed.
         share = max(min((time - step.transfer) / duration, 1.0), swing.share)
-        # Part of the remaining way that is done in this sample. The landing may have moved since the last sample.
+        # Part of the remaining way that is done in this sample. The landing may have moved since the last sample. The
+        # `swing_peak` is the peak speed of the foot over its mean speed.
         part = progress_since(swing.share, share, self._parameters.swing_peak)
         new_swing = Swing(
             place=swing.place + part * (landing.place - swing.place),
@@ -553,8 +554,8 @@ class WalkPlanner:
             share=share,
         )
 
-        # The trunk turns by the elapsed share of the whole step, so it makes up for the transfer, in which it does not
-        # turn, at the first sample after it. The foot turns by the share of its swing.
+        # The trunk stands still during the transfer. At the first sample after it, the heading jumps to the elapsed
+        # share of the whole step. The foot turns by the share of its swing.
         turn_share = smoothstep(min(time / landing.time, 1.0))
         heading = step.heading_from + turn_share * (landing.yaw - step.heading_from)
         ground = self._ground_of_swing(stride, estimate, share)

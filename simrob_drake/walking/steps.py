@@ -307,13 +307,14 @@ class Steps:
     ) -> Landing:
         r"""Find the landing that answers an error of the divergent component best.
 
-        The planned landing time, if the foot can land by then, and other times T on a grid are compared by the cost
+        The planned landing time, if the foot can land by then, is compared with other times T by a cost. These are on a
+        grid, from one grid step from now, or the least swing time if that is later, to the longest swing time:
 
         .. math:: |u^* - u|^2 + k_u |u - u_0|^2 + k_T (T - T_0)^2
 
-        with the foothold :math:`u^*` after which the next steps go as planned, the foothold u that the foot takes (see
-        `_reachable_place`), the planned foothold :math:`u_0` and time :math:`T_0`, and the parameters `place_weight`
-        :math:`k_u` and `time_weight` :math:`k_T`.
+        with the foothold :math:`u^*` after which the next steps go as planned (``desired``), the foothold u that the
+        foot takes (``place``, see `_reachable_place`), the planned foothold :math:`u_0` and time :math:`T_0`, and the
+        parameters `place_weight` :math:`k_u` and `time_weight` :math:`k_T`.
 
         Args:
             swinging: index of the swing foot.

@@ -705,7 +705,7 @@ class _FlowNet:
         """
         block, _, index_text = term.partition(".")
         size = self.blocks[block].size
-        if size == 1 and not index_text:
+        if size == 1 and "." not in term:
             return _Element(block)
         if index_text.isdecimal() and int(index_text) < size:
             return _Element(block, int(index_text))

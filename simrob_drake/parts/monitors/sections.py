@@ -167,7 +167,7 @@ class TorqueLimit(MonitorSection):
             return robot.gains.torque_shares(torque, speed) - 1 + _AT_LIMIT
 
         def why(index: int, _: float) -> str:
-            """Reason of the end of the run, by the index of the axis."""
+            """Reason of the end of the run, by the index of the axis with the largest excess (which is not used)."""
             return message(
                 "parts.stayed_at_motor_limit",
                 "{axis} stayed at the limit of its motor for {hold:g} s",

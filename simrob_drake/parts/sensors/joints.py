@@ -155,7 +155,7 @@ class JointEncoders(SampledBlock):
 
 
 class JointTorque(Sensor):
-    """Torque that each joint transmits to its link, between gear and link [N·m]."""
+    """Torque that each joint transmits to its link, between gear and link [N·m or N]."""
 
     kind: Literal["joint_torque"]
     robot: str | None = None
@@ -244,9 +244,10 @@ class ExternalTorque(SampledSensor):
     """Gain of the observer [1/s]: the estimate lags behind by 1/gain."""
 
     def wire(self, builder: DiagramBuilder, site: Site, name: str) -> None:
-        """Add ``external_torque.<sensor>`` (n) [N·m or N] and, with a tool, ``external_force.<sensor>`` (3) [N].
+        """Declare ``external_torque.<sensor>`` (n) [N·m or N] and, with a tool, ``external_force.<sensor>`` (3) [N].
 
-        The force is given along the axes of the tool in use.
+        The force is given along the axes of the tool in use. They are ports of the station only if it needs the sensor
+        while it is stepped; otherwise they are computed after the run.
 
         Args:
             builder: builder of the diagram.
