@@ -98,7 +98,8 @@ class SixAxisArm:
         upper_arm: a point on axis 2 at zero, shape (3,) [m].
         centre: the wrist centre at zero, shape (3,) [m].
         parallel: whether the wrist is parallel.
-        senses: senses of axes 3 and 4: 1 if the axis points as axis 2 does, -1 if it points the other way.
+        senses: senses of axes 3 and 4: 1 if the axis points as axis 2 does, -1 if it points the other way. That of axis
+            4 means this only with a parallel wrist, and has no effect with a spherical one.
         upper: vector from axis 2 to axis 3 at zero, across axis 2 [m].
         fore: vector from axis 3 to the wrist centre, or to axis 4 of a parallel wrist, across axis 2 [m].
         hand: vector from axis 4 of a parallel wrist to the wrist centre, across axis 2 [m]; 0 for a spherical wrist.
@@ -341,7 +342,9 @@ class ClosedForm:
         postures: positions of axes 1 to 6, in any whole turn, shape (k, 8, 6) [rad]. If a pose is out of reach, the arm
             is stretched or folded towards it.
         out_of_reach: distance of the wrist centre beyond what the arm reaches, shape (k, 8) [m]; 0 if it is in reach.
-        is_singular: whether axis 1 or axis 4 may have any position and was taken from the start, shape (k,).
+        is_singular: whether, in at least one of the eight postures, an axis may have any position and was taken from
+            the start: axis 1, or axis 4. With a parallel wrist, the sum of axes 2 to 4 stands for axis 4; it comes as
+            close to that of the start as the arm reaches. Shape (k,).
     """
 
     postures: Vector

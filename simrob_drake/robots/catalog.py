@@ -479,15 +479,16 @@ class RobotModel(Strict):
 
     @cached_property
     def excludes_zero(self) -> Flags:
-        """Whether zero is outside the range of each axis, shape (n,)."""
+        """Whether zero is outside the range of each axis by more than the tolerance for rounding, shape (n,)."""
         return self.limits.excess(np.zeros(len(self.axes))) > 0.0
 
     @property
     def home(self) -> Vector:
         """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them.
 
-        An axis for which ``home_deg`` has no value of its own is at zero or, if its range excludes zero, in the middle
-        of its range.
+        An axis that ``home_deg`` leaves out, as a mapping can, is at zero or, if its range excludes zero, in the middle
+        of its range. The same holds for all axes if ``home_deg`` is the number 0; another number is the position of all
+        axes. Values in a mapping or a list count as they are, those of followers excepted.
 
         Raises:
             InvalidParameter: ``home_deg`` is a list of the wrong length.
@@ -624,15 +625,15 @@ class RobotModel(Strict):
 
 
 def robot_names() -> list[str]:
-    """List the names of the robots that come with the package."""
+    """List the names of the robots that come with the package and with extensions."""
     return list(robot_files())
 
 
 def load_robot(name: str) -> RobotModel:
-    """Load a robot of the package by its name.
+    """Load a robot of the package, or of an extension, by its name.
 
     Raises:
-        UnknownName: no such robot.
+        UnknownName: there is no such robot.
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
     # The list of all robots takes longer, since extensions are searched for it. Only the error needs the list.
@@ -671,7 +672,8 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
 
     Raises:
         InvalidModel: the file cannot be read or has a defect.
-        InvalidParameter: the robot has no joint that moves.
+        InvalidParameter: the robot has no joint that moves; or ``path`` is no path, or has characters that cannot be
+            printed.
         InvalidConfig: the ``robot.yaml`` has a wrong entry.
     """
     path = as_path(path, "path")
@@ -719,8 +721,9 @@ def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
 def _home_of_urdf(robot: RobotModel) -> AxisValues:
     """Choose the home posture of a robot whose file has none, in the user's units.
 
-    Fingers are open. All other axes are at zero or, if their range excludes zero, in the middle of it. Axes at zero are
-    left out of the mapping. If all axes are at zero, the result is the number 0.
+    Fingers are open. All other axes are at zero or, if their range excludes zero, in the middle of it; but followers
+    are where their leaders take them. Axes at zero are left out of the mapping. If all axes are at zero, the result is
+    the number 0.
     """
     opened = {}
     if robot.gripper is not None:

@@ -386,12 +386,12 @@ class PieceModel(Strict):
 
 
 def piece_names() -> list[str]:
-    """Return the names of the pieces that come with the package."""
+    """Return the names of the pieces that come with the package and with extensions."""
     return list(piece_files())
 
 
 def piece_file(name: str) -> Path:
-    """Return the file of a piece of the package.
+    """Return the file of a piece of the package, or of an extension, by its name.
 
     Raises:
         UnknownName: there is no such piece.
