@@ -102,7 +102,8 @@ class RobotModel(Strict):
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
     """Positions of the axes at the start of a station without `initial_deg` [deg, or m of a prismatic axis]. An axis
-    whose range excludes 0 is in the middle of its range unless a mapping or a list gives its position."""
+    whose range excludes 0 is in the middle of its range unless a mapping, a list or a number other than 0 gives its
+    position."""
     drives: Drives = default_of(Drives)
     """Motors, gears and friction of the axes, which a station may change."""
     acceleration_deg: PositiveAxisValues | None = None
@@ -179,14 +180,15 @@ class RobotModel(Strict):
 
     @cached_property
     def element(self) -> Element:
-        """The checked ``robot`` element of the URDF, with the drives of this description.
+        """The checked ``robot`` element of the URDF, or of the table, with values of this description.
 
-        It is read when it is first used.
+        These are the passive axes, and the rotor inertia, gear ratio, damping and friction of the drives. The file is
+        read when the element is first used.
 
         Raises:
             InvalidModel: the file is damaged, or the table describes an impossible robot.
             InvalidParameter: the key ``root`` does not name the root link, or a list of values has the wrong length.
-            UnknownName: a value is given for an axis that the robot does not have.
+            UnknownName: a value is given for, or ``servo.passive`` names, an axis that the robot does not have.
             Unsuitable: an axis gets a motor whose largest torque is not given.
         """
         # A table can describe an impossible robot as well as a file can, so that it has the same checks.
@@ -470,7 +472,7 @@ class RobotModel(Strict):
         return followers_among(self.axes, self.joints)
 
     def with_followers(self, positions: Vector) -> Vector:
-        """Copy positions, with followers moved to where their leaders take them.
+        """Move followers to where their leaders take them. Without followers, ``positions`` itself is returned.
 
         Args:
             positions: positions of the axes, shape (..., n) [rad or m].

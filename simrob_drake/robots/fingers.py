@@ -318,8 +318,8 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
     """Find the link on which most joints slide side by side at the ends of the tree.
 
     Joints that lack a limit do not count. Returns None if there are fewer than two such joints, or more than
-    _MOST_FINGERS. The first position of each joint
-    is the end of its travel at which the fingers are nearest to each other.
+    _MOST_FINGERS. The first position of each joint is the end of its travel at which the fingers are nearest to each
+    other.
 
     Args:
         root: the ``robot`` element.

@@ -487,7 +487,7 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
 
 
 def shape_defect(shape: ET.Element) -> str:
-    """Write the defect in the sizes of a shape, or that a mesh names no file. Returns an empty text if it has none.
+    """Write the defect in the sizes of a shape, or that a mesh has no ``filename``. Returns an empty text if neither.
 
     Args:
         shape: child of a ``<geometry>``, such as a ``<box>``. Shapes of unknown tags have no defect.
