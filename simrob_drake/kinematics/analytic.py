@@ -53,8 +53,9 @@ is much farther from the start."""
 class AnalyticSolver(Solver):
     """Computes all up to eight postures of a :class:`SixAxisArm`, and takes one of them (SimRob's AIK).
 
-    Of the postures within the joint limits, the closest to the start is taken, by the sum of squared angles. Whole
-    turns of a joint are tried if its limits are wider than ±π. Three flags narrow the choice:
+    Of the postures that reach the target within the joint limits, the closest to the start is taken, by the sum of
+    squared angles. Joints are turned by whole turns into their limits and, if more than one turn lies within them, to
+    the one closest to the start. Three flags narrow the choice:
 
     * ``shoulder``: with ``"right"``, the wrist centre is ahead of axis 1 and the upper arm is on the right of axis 1,
       seen from axis 1 towards the wrist. If the arm is not offset to a side, ``"right"`` is the side of axis 1 on which

@@ -222,7 +222,8 @@ class RobotModel(Strict):
     def _apply_passive_axes(self, root: Element) -> None:
         """Remove the motors of the axes under ``servo.passive`` from the URDF, and give all other axes a motor.
 
-        Nothing changes if the description has no key ``servo.passive``.
+        Axes that have a motor keep it with its effort limit; ``servo.torque_limit`` counts for new motors only. Nothing
+        changes if the description has no key ``servo.passive``.
 
         Args:
             root: the ``robot`` element. It is changed.
@@ -334,7 +335,10 @@ class RobotModel(Strict):
 
     @property
     def links_without_inertia(self) -> list[str]:
-        """Names of moving links without inertia. A robot with such links can move in a kinematic station only."""
+        """Names of the links that move and have no mass, not even with the links that are fixed to them.
+
+        A robot with such links can move in a kinematic station only.
+        """
         return links_without_inertia(self.element, floating=self.base == "floating")
 
     @cached_property
