@@ -53,8 +53,9 @@ is much farther from the start."""
 class AnalyticSolver(Solver):
     """Computes all up to eight postures of a :class:`SixAxisArm`, and takes one of them (SimRob's AIK).
 
-    Of the postures within the joint limits, the closest to the start is taken, by the sum of squared angles. Whole
-    turns of a joint are tried if its limits are wider than ±π. Three flags narrow the choice:
+    Of the postures that reach the target within the joint limits, the closest to the start is taken, by the sum of
+    squared angles. Joints are turned by whole turns into their limits and, if more than one turn lies within them, to
+    the one closest to the start. Three flags narrow the choice:
 
     * ``shoulder``: with ``"right"``, the wrist centre is ahead of axis 1 and the upper arm is on the right of axis 1,
       seen from axis 1 towards the wrist. If the arm is not offset to a side, ``"right"`` is the side of axis 1 on which
@@ -139,7 +140,7 @@ class AnalyticSolver(Solver):
             self.chain.postures(start, "start"), (len(matrices), self.chain.size)
         )
         form, postures, beyond = self._branches(matrices, starts, np.arange(BRANCHES))
-        is_in_reach = form.out_of_reach <= _ROUNDING
+        is_in_reach = (form.out_of_reach <= _ROUNDING) & (form.missed_turn == 0.0)
         return postures, is_in_reach & self._fits(beyond)
 
     def _fits(self, beyond: Vector) -> Flags:
@@ -164,9 +165,9 @@ class AnalyticSolver(Solver):
             allowed: indices of the b wanted postures among the eight.
 
         Returns:
-            the closed form with all eight postures, how far each is out of reach [m], and whether a target leaves an
-            axis free (`is_singular`); the wanted postures in axis order, shape (k, b, n) [rad]; and the distance of
-            each of their axes beyond its limits, shape (k, b, n) [rad].
+            the closed form with all eight postures, how far each misses the target [m and rad], and whether a target
+            leaves an axis free (`is_singular`); the wanted postures in axis order, shape (k, b, n) [rad]; and the
+            distance of each of their axes beyond its limits, shape (k, b, n) [rad].
         """
         form = all_postures(self.arm, targets, starts[:, self._order])
         # Axes that do not move the tool, such as fingers, stay as in the start.
@@ -260,8 +261,9 @@ class AnalyticSolver(Solver):
         """
         out_of_reach = form.out_of_reach[:, self._allowed]
         # A sum of metres and radians has no meaning of its own: it only ranks the postures.
-        miss = out_of_reach + beyond.max(axis=-1)
-        is_rounded = self._fits(beyond) & (out_of_reach <= _ROUNDING)
+        missed_turn = form.missed_turn[:, self._allowed]
+        miss = out_of_reach + missed_turn + beyond.max(axis=-1)
+        is_rounded = self._fits(beyond) & (out_of_reach <= _ROUNDING) & (missed_turn == 0.0)
         penalty = np.where(is_rounded, _ROUNDED, _FAR * (1.0 + miss))
         return np.where(miss > _ROUNDING, penalty, 0.0)
 

@@ -173,7 +173,7 @@ def skew(vectors: Vector) -> Vector:
 
 
 class UnsupportedChain(SimrobError):
-    """Raised if two frames of a plant move against each other by a joint that a chain does not have."""
+    """Raised if a joint between two frames belongs to no axis, or if an axis is neither revolute nor prismatic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,6 +239,7 @@ class Chain(Screws):
             UnknownName: the robot has no tool of this name.
             InvalidParameter: the robot has no tools.
             InvalidModel: Drake cannot read the robot's URDF.
+            UnsupportedChain: a joint that is no axis of the robot moves the tool.
         """
         if not model.tools:
             raise InvalidParameter(
@@ -282,9 +283,9 @@ class Chain(Screws):
             names: names of the axes; names of the joints unless given.
 
         Raises:
-            UnsupportedChain: the frames move against each other by a joint that is not in ``joints``, or that is
-                neither revolute nor prismatic.
-            InvalidParameter: there is not one sign and one name for each joint.
+            UnsupportedChain: the frames move against each other by a joint that is not in ``joints``; or one of
+                ``joints`` is neither revolute nor prismatic, even if it does not move the tool.
+            InvalidParameter: there is not one sign, 1 or -1, and one name of its own for each joint.
         """
         labels = tuple(joint.name() for joint in joints) if names is None else tuple(names)
         if len(labels) != len(joints) or len(set(labels)) != len(labels):

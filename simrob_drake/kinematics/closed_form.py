@@ -54,6 +54,10 @@ _SINGULAR = 1e-10
 """Distance [m] or sine below which an axis may have any position. It is 1e4 times the rounding error, and a tenth of
 the error that the solver promises."""
 
+_LEAST_MISS = 1e-3
+"""Angle by which axis 6 has to miss its direction so that it counts as missed [rad]. Rounded dimensions of an arm cause
+angles of a tenth of it."""
+
 BRANCHES = 8
 """Count of postures. The index of a posture is 4·shoulder + 2·elbow + wrist, each of which is 0 or 1."""
 SHOULDERS = ("right", "left")
@@ -98,7 +102,8 @@ class SixAxisArm:
         upper_arm: a point on axis 2 at zero, shape (3,) [m].
         centre: the wrist centre at zero, shape (3,) [m].
         parallel: whether the wrist is parallel.
-        senses: senses of axes 3 and 4: 1 if the axis points as axis 2 does, -1 if it points the other way.
+        senses: senses of axes 3 and 4: 1 if the axis points as axis 2 does, -1 if it points the other way. That of axis
+            4 means this only with a parallel wrist, and has no effect with a spherical one.
         upper: vector from axis 2 to axis 3 at zero, across axis 2 [m].
         fore: vector from axis 3 to the wrist centre, or to axis 4 of a parallel wrist, across axis 2 [m].
         hand: vector from axis 4 of a parallel wrist to the wrist centre, across axis 2 [m]; 0 for a spherical wrist.
@@ -341,11 +346,16 @@ class ClosedForm:
         postures: positions of axes 1 to 6, in any whole turn, shape (k, 8, 6) [rad]. If a pose is out of reach, the arm
             is stretched or folded towards it.
         out_of_reach: distance of the wrist centre beyond what the arm reaches, shape (k, 8) [m]; 0 if it is in reach.
-        is_singular: whether axis 1 or axis 4 may have any position and was taken from the start, shape (k,).
+        missed_turn: angle by which the wrist cannot turn axis 6 to its direction, shape (k, 8) [rad]; 0 if it can. Only
+            wrists whose axes are not at right angles miss directions.
+        is_singular: whether, in at least one of the eight postures, an axis may have any position and was taken from
+            the start: axis 1, or axis 4. With a parallel wrist, the sum of axes 2 to 4 stands for axis 4; it comes as
+            close to that of the start as the arm reaches. Shape (k,).
     """
 
     postures: Vector
     out_of_reach: Vector
+    missed_turn: Vector
     is_singular: Flags
 
 
@@ -360,7 +370,7 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
         starts: positions of axes 1 to 6, shape (k, 6) [rad]. Axes that may have any position get theirs from these.
 
     Returns:
-        the eight postures of each pose, whether or not it is in reach, and how far it is out of reach.
+        the eight postures of each pose, whether or not they reach it, and how far they miss it.
     """
     # Rotations of the tool from its orientation at zero. The wrist centre is fixed in the tool, so that the pose of the
     # tool gives its position.
@@ -383,7 +393,7 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
         total_of_start = starts[:, 1] + third * starts[:, 2] + fourth * starts[:, 3]
         total_if_free = _closest_total(arm, planar, total_of_start)
         no_forearm = np.zeros((len(targets), 2, 1))
-        wrist, is_any_wrist = _solve_wrist(
+        wrist, missed, is_any_wrist = _solve_wrist(
             arm, rotations, first, no_forearm, fourth * total_if_free
         )
         total = fourth * wrist[..., 0]
@@ -397,15 +407,18 @@ def all_postures(arm: SixAxisArm, targets: Vector, starts: Vector) -> ClosedForm
         # First the elbow, then the wrist. Axes 2 and 3 are the same for both wrists, so those of wrist 0 are taken.
         postures[..., 1], postures[..., 2], out_of_arm = _solve_elbow(arm, planar)
         angle_of_forearm = postures[..., 0, 1] + third * postures[..., 0, 2]
-        postures[..., 3:], is_any_wrist = _solve_wrist(
+        postures[..., 3:], missed, is_any_wrist = _solve_wrist(
             arm, rotations, first, angle_of_forearm, _column(starts[:, 3])
         )
 
     # The miss along axis 2 and the miss across axis 2 are at right angles.
     out_of_reach = np.broadcast_to(np.hypot(_column(out_of_side), out_of_arm), postures.shape[:-1])
+    # The two wrists of a shoulder and an elbow miss the same direction.
+    missed_turn = np.broadcast_to(missed[..., np.newaxis], postures.shape[:-1])
     return ClosedForm(
         postures=postures.reshape(-1, BRANCHES, 6),
         out_of_reach=out_of_reach.reshape(-1, BRANCHES),
+        missed_turn=missed_turn.reshape(-1, BRANCHES),
         is_singular=is_any_first | is_any_wrist.any(axis=(1, 2)),
     )
 
@@ -532,7 +545,7 @@ def _solve_elbow(arm: SixAxisArm, target: Complex) -> tuple[Vector, Vector, Vect
 
 def _solve_wrist(
     arm: SixAxisArm, rotations: Vector, first: Vector, angle_of_forearm: Vector, starts: Vector
-) -> tuple[Vector, Flags]:
+) -> tuple[Vector, Vector, Flags]:
     """Solve for axes 4, 5 and 6.
 
     The directions of axis 4, axis 5 and the turned axis 6 are a spherical triangle. Its sides are the angles between
@@ -548,7 +561,8 @@ def _solve_wrist(
         starts: axis 4 in the starts, in case it may have any position, shape (k, 1 or 2, 1, 1) [rad].
 
     Returns:
-        axes 4, 5 and 6, shape (k, 2, e, 2, 3) [rad], and whether axis 4 may have any position, shape (k, 2, e).
+        axes 4, 5 and 6, shape (k, 2, e, 2, 3) [rad]; the angle by which axis 6 misses its direction, shape (k, 2, e)
+        [rad]; and whether axis 4 may have any position, shape (k, 2, e).
     """
     four, five, six = arm.axes[3:]
     # A vector across axes 5 and 6 shows how far axis 6 is turned.
@@ -578,6 +592,12 @@ def _solve_wrist(
         np.sqrt(np.maximum(numerator, 0.0)), np.sqrt(np.maximum(denominator, 0.0))
     )
     bend = 2.0 * half_bend[..., np.newaxis]
+    # The side c of a triangle is at least the difference of the other two, and at most their sum, or what this leaves
+    # of a whole turn.
+    least = abs(front - rear)
+    most = min(front + rear, 2.0 * np.pi - front - rear)
+    missed = np.maximum(np.maximum(least - opening, opening - most), 0.0)
+    missed = np.where(missed > _LEAST_MISS, missed, 0.0)
     four_across_five = np.cross(np.cross(five, four), five)
     six_across_five = np.cross(np.cross(five, six), five)
     # At zero posture the wrist may be bent already: the bend is counted from axis 4, the position from zero.
@@ -592,7 +612,8 @@ def _solve_wrist(
 
     # Axis 6 brings the probe to its direction.
     remaining = arm.turn(4, -fifth, arm.turn(3, -fourth, probes[..., np.newaxis, :]))
-    return np.stack([fourth, fifth, _angle_about(six, probe, remaining)], axis=-1), is_any
+    axes = np.stack([fourth, fifth, _angle_about(six, probe, remaining)], axis=-1)
+    return axes, missed, is_any
 
 
 def _angle_between(one: Vector, other: Vector) -> float:

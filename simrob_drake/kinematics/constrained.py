@@ -58,8 +58,8 @@ class ConstrainedSolver(Solver):
     """Solves a nonlinear program for each target: pose, goals, joint limits (SimRob's GIK with its constraints).
 
     The target pose and every goal without a weight are constraints. Goals with a weight are costs. If costs cannot all
-    be zero, their sum is minimised, as in SimRob, where every constraint is such a cost. Of all postures that satisfy
-    the constraints, the closest to the start is sought.
+    be zero, their sum is minimised, as in SimRob, where every constraint is such a cost. The squared distance from the
+    start is one more cost, with a small weight, so that of equally good postures the closest to the start is sought.
     """
 
     def __init__(

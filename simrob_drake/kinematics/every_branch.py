@@ -1,4 +1,4 @@
-"""Every posture that brings the tool to a pose: in closed form if the arm has one, otherwise by a search.
+"""Every posture that brings the tool to a pose: in closed form if that covers all axes of the arm, else by a search.
 
 A pose of the tool has a finite number of postures if six axes move the tool. Each of them is a *branch*. The search
 starts from many random postures. It takes the postures of a target as complete if each of them was found several times
@@ -72,7 +72,9 @@ _ALL_ERRORS = np.ones(6)
 def branches(
     chain: Chain, targets: Targets, start: npt.ArrayLike, held: Mapping[str, float] | None = None
 ) -> list[Vector]:
-    """Find all postures for each of k targets, whether or not within the joint limits.
+    """Find all postures for each of k targets, whether or not within the limits of revolute axes.
+
+    Prismatic axes keep their limits.
 
     Args:
         chain: the axes.
@@ -411,6 +413,6 @@ def _distinct(chain: Chain, postures: Vector, hits: Vector | None = None) -> tup
 
 
 def _shortest_difference(chain: Chain, ends: Vector, begins: Vector) -> Vector:
-    """Subtract postures (b, n) or (n,) [rad or m]. Whole turns of revolute axes do not count: the result is -π to π."""
+    """Subtract postures (b, n) or (n,) [rad or m]. Whole turns do not count: for revolute axes, it is -π to π."""
     difference = ends - begins
     return difference - np.where(chain.revolute, TURN * np.rint(difference / TURN), 0.0)

@@ -114,19 +114,20 @@ def skeleton_of(robot: str | RobotModel, element: Element | None = None) -> Skel
     """Make the skeleton of a robot.
 
     Args:
-        robot: name of a robot of the package, or the model of any robot.
+        robot: name of a robot of the package or of an extension, or the model of any robot.
         element: URDF of the robot with the pieces that it carries, with absolute names of meshes; the robot's own URDF
-            unless given.
+            unless given. It counts only if ``robot`` is a model.
 
     Raises:
-        InvalidParameter: the robot has a joint that is not an axis, or a prismatic joint.
+        UnknownName: there is no robot of this name.
+        InvalidParameter: the robot has a moving joint that is not an axis, or that is not revolute.
     """
     return _of_package(robot) if isinstance(robot, str) else _of_model(robot, element)
 
 
 @lru_cache(maxsize=8)
 def _of_package(robot: str) -> Skeleton:
-    """Make the skeleton of a robot of the package once. Its files do not change while Python runs."""
+    """Make the skeleton of a robot by its name, once. Files of installed robots do not change while Python runs."""
     return _of_model(load_robot(robot))
 
 

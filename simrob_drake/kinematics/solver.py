@@ -101,7 +101,8 @@ class Solutions:
         position_error: distance from each target, shape (k,) [m]. Directions that do not count for the solver are
             left out.
         rotation_error: angle from each target, shape (k,) [rad]. Directions that do not count are left out.
-        iterations: count of steps for each target, shape (k,); 0 for closed forms.
+        iterations: count of steps for each target, shape (k,); 0 for closed forms, and the count of programs for the
+            constrained solver.
         reasons: why each target is not reached, in words; empty if the target is reached.
     """
 
@@ -292,8 +293,9 @@ def nearest_turns(chain: Chain, positions: Vector, reference: Vector) -> tuple[V
         reference: positions of the reference, shape (..., n) [rad or m].
 
     Returns:
-        the positions, within the limits or as close to them as whole turns come, and the distance of each beyond its
-        limits (0 if it is within them), both of shape (..., n).
+        the positions, and the distance of each beyond its limits (0 if it is within them), both of shape (..., n). If
+        no whole turn leads into the limits, a position is as close to them as whole turns come, or the one closest to
+        the reference if that is beyond by no more than the tolerance for rounding.
     """
     lower = chain.lower - _ROUNDING_BEYOND_LIMIT
     upper = chain.upper + _ROUNDING_BEYOND_LIMIT

@@ -251,9 +251,10 @@ class _ChainTool(NamedTuple):
 def _chain_tools(root: ET.Element) -> list[str]:
     """Find the link or frame for a tool at the end of each kinematic chain.
 
-    The tool is the last link or frame with a usual name that is rigidly attached to the chain's last moving link or,
-    without such a name, the outermost attached link. Usual names come first, then chains with more joints, then file
-    order.
+    The candidates are the chain's last moving link and the links that are rigidly attached to it, in order outward. The
+    tool is the last one with a usual name; if no link has one, the last of their frames with a usual name; and the last
+    link if there is no such frame either. Tools with usual names come first, then those of chains with more moving
+    joints, then file order.
     """
     carrier_of = carriers(root)
     starts = joints_at(root)

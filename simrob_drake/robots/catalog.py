@@ -102,7 +102,8 @@ class RobotModel(Strict):
     """Links or frames of the URDF that can carry a tool, by the tool's name; the first is the usual one."""
     home_deg: AxisValues = 0.0
     """Positions of the axes at the start of a station without `initial_deg` [deg, or m of a prismatic axis]. An axis
-    whose range excludes 0 is in the middle of its range unless a mapping or a list gives its position."""
+    whose range excludes 0 is in the middle of its range unless a mapping, a list or a number other than 0 gives its
+    position."""
     drives: Drives = default_of(Drives)
     """Motors, gears and friction of the axes, which a station may change."""
     acceleration_deg: PositiveAxisValues | None = None
@@ -179,14 +180,15 @@ class RobotModel(Strict):
 
     @cached_property
     def element(self) -> Element:
-        """The checked ``robot`` element of the URDF, with the drives of this description.
+        """The checked ``robot`` element of the URDF, or of the table, with values of this description.
 
-        It is read when it is first used.
+        These are the passive axes, and the rotor inertia, gear ratio, damping and friction of the drives. The file is
+        read when the element is first used.
 
         Raises:
             InvalidModel: the file is damaged, or the table describes an impossible robot.
             InvalidParameter: the key ``root`` does not name the root link, or a list of values has the wrong length.
-            UnknownName: a value is given for an axis that the robot does not have.
+            UnknownName: a value is given for, or ``servo.passive`` names, an axis that the robot does not have.
             Unsuitable: an axis gets a motor whose largest torque is not given.
         """
         # A table can describe an impossible robot as well as a file can, so that it has the same checks.
@@ -220,7 +222,8 @@ class RobotModel(Strict):
     def _apply_passive_axes(self, root: Element) -> None:
         """Remove the motors of the axes under ``servo.passive`` from the URDF, and give all other axes a motor.
 
-        Nothing changes if the description has no key ``servo.passive``.
+        Axes that have a motor keep it with its effort limit; ``servo.torque_limit`` counts for new motors only. Nothing
+        changes if the description has no key ``servo.passive``.
 
         Args:
             root: the ``robot`` element. It is changed.
@@ -332,7 +335,10 @@ class RobotModel(Strict):
 
     @property
     def links_without_inertia(self) -> list[str]:
-        """Names of moving links without inertia. A robot with such links can move in a kinematic station only."""
+        """Names of the links that move and have no mass, not even with the links that are fixed to them.
+
+        A robot with such links can move in a kinematic station only.
+        """
         return links_without_inertia(self.element, floating=self.base == "floating")
 
     @cached_property
@@ -470,7 +476,7 @@ class RobotModel(Strict):
         return followers_among(self.axes, self.joints)
 
     def with_followers(self, positions: Vector) -> Vector:
-        """Copy positions, with followers moved to where their leaders take them.
+        """Move followers to where their leaders take them. Without followers, ``positions`` itself is returned.
 
         Args:
             positions: positions of the axes, shape (..., n) [rad or m].
@@ -479,15 +485,16 @@ class RobotModel(Strict):
 
     @cached_property
     def excludes_zero(self) -> Flags:
-        """Whether zero is outside the range of each axis, shape (n,)."""
+        """Whether zero is outside the range of each axis by more than the tolerance for rounding, shape (n,)."""
         return self.limits.excess(np.zeros(len(self.axes))) > 0.0
 
     @property
     def home(self) -> Vector:
         """The home posture, shape (n,) [rad or m], in which followers are where their leaders take them.
 
-        An axis for which ``home_deg`` has no value of its own is at zero or, if its range excludes zero, in the middle
-        of its range.
+        An axis that ``home_deg`` leaves out, as a mapping can, is at zero or, if its range excludes zero, in the middle
+        of its range. The same holds for all axes if ``home_deg`` is the number 0; another number is the position of all
+        axes. Values in a mapping or a list count as they are, those of followers excepted.
 
         Raises:
             InvalidParameter: ``home_deg`` is a list of the wrong length.
@@ -624,15 +631,15 @@ class RobotModel(Strict):
 
 
 def robot_names() -> list[str]:
-    """List the names of the robots that come with the package."""
+    """List the names of the robots that come with the package and with extensions."""
     return list(robot_files())
 
 
 def load_robot(name: str) -> RobotModel:
-    """Load a robot of the package by its name.
+    """Load a robot of the package, or of an extension, by its name.
 
     Raises:
-        UnknownName: no such robot.
+        UnknownName: there is no such robot.
         InvalidConfig: its ``robot.yaml`` has a wrong entry.
     """
     # The list of all robots takes longer, since extensions are searched for it. Only the error needs the list.
@@ -671,7 +678,8 @@ def load_robot_from_urdf(path: Path | str) -> RobotModel:
 
     Raises:
         InvalidModel: the file cannot be read or has a defect.
-        InvalidParameter: the robot has no joint that moves.
+        InvalidParameter: the robot has no joint that moves; or ``path`` is no path, or has characters that cannot be
+            printed.
         InvalidConfig: the ``robot.yaml`` has a wrong entry.
     """
     path = as_path(path, "path")
@@ -719,8 +727,9 @@ def _gripper(robot: RobotModel, hand: FingerHand) -> Gripper:
 def _home_of_urdf(robot: RobotModel) -> AxisValues:
     """Choose the home posture of a robot whose file has none, in the user's units.
 
-    Fingers are open. All other axes are at zero or, if their range excludes zero, in the middle of it. Axes at zero are
-    left out of the mapping. If all axes are at zero, the result is the number 0.
+    Fingers are open. All other axes are at zero or, if their range excludes zero, in the middle of it; but followers
+    are where their leaders take them. Axes at zero are left out of the mapping. If all axes are at zero, the result is
+    the number 0.
     """
     opened = {}
     if robot.gripper is not None:

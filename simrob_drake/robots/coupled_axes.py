@@ -81,9 +81,9 @@ class Equation:
 
 @dataclass(frozen=True)
 class AxisCondition:
-    """An equation whose axes all have the firmness NAMED, so that none of them gives way.
+    """An equation that is left after the others are solved: its axes all have the firmness NAMED and do not give way.
 
-    The given positions fulfil the condition, or there is an error.
+    It has no axes at all, with ratios of 0, if an equation repeats or contradicts other ones.
 
     Attributes:
         ratios: ratios of the n axes, shape (n,).
@@ -214,7 +214,8 @@ class CoupledAxes:
                 undecided[axis] = tuple(
                     other for other in others if firmness[other] == Firmness.UNNAMED
                 )
-        # Rows without a pivot have only axes that never give way: the user's values must fulfil them.
+        # Rows without a pivot have only axes that never give way: the user's values must fulfil them. A row may also
+        # have no axes at all, since elimination has removed them.
         unused = [row for row in range(len(rows)) if row not in row_of.values()]
         conditions = tuple(self._condition(rows[row]) for row in unused)
         return Dependence(matrix, offset, tuple(row_of), undecided, conditions)
@@ -222,9 +223,9 @@ class CoupledAxes:
     def _scaled_rows(self, totals: Vector) -> Vector:
         """Write the k equations as the rows of a matrix, shape (k, n + 1 + k).
 
-        The columns are the n ratios, the total [rad or m], and k factors with which the original equations make up the
-        row. The largest ratio of each row is scaled to 1, so that the same bound separates zero from rounding in all
-        rows. An equation without axes stays as it is.
+        The columns are the n ratios, the total, and k factors with which the scaled equations make up the row. Ratios
+        and total of an equation are divided by its largest absolute ratio, so that the same bound separates zero from
+        rounding in all rows. An equation without axes stays as it is.
         """
         scale = np.abs(self.ratios).max(axis=1, initial=0.0, keepdims=True)
         scale[scale == 0] = 1.0
@@ -287,10 +288,11 @@ class CoupledAxes:
         Args:
             condition: a condition between the axes.
             positions: positions of the axes at m samples, shape (m, n) [rad or m].
-            bounds: deviations of each axis that are allowed, shape (n,) [rad or m].
+            bounds: distances by which each axis may miss its position, shape (n,) [rad or m].
 
         Returns:
-            the violation, or None if the largest deviation is within the bound of its axis.
+            the violation: an axis that would have to move, alone, by more than its bound. None if it would have to move
+            by no more than that, or if the condition has no axes.
         """
         axes = np.flatnonzero(np.abs(condition.ratios) > _ZERO)
         # A condition without axes, 0 = total, does not depend on positions.

@@ -92,10 +92,10 @@ class DhRow(Strict):
 
     @model_validator(mode="after")
     def _check_limits(self) -> "DhRow":
-        """Check that limits and speed are given under the keys of this kind of joint, and that limits are in order.
+        """Check that limits are given and in order, and that no key of the other kind of joint is used.
 
         Raises:
-            ValueError: they are not; pydantic reports the error with the key.
+            ValueError: one of these does not hold; pydantic reports the error with the key.
         """
         if self.type == "revolute":
             limit_key = "limit_deg"

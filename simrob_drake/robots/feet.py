@@ -112,14 +112,15 @@ class FootContact(FootSurface):
         return np.asarray(sole.centre + lower_corners * np.array(sole.size) / 2)
 
     def lowest_points(self, link: str, poses: Vector) -> Vector:
-        """Compute the lowest points of a foot's shapes in the world, for a foot that may be tilted.
+        """Compute the points of a foot that may touch the ground, in the world, for a foot that may be tilted.
 
         Args:
             link: name of the foot's link.
             poses: poses of the link in the world, shape (m, 4, 4).
 
         Returns:
-            the lowest point of each sphere, or the four lower corners of the box, shape (m, k, 3) [m].
+            the lowest point of each sphere, or the four corners of the box that are the lower ones of an upright foot,
+            shape (m, k, 3) [m].
         """
         # The lowest point of a sphere is below its centre, however the foot is tilted.
         if link in self.points:

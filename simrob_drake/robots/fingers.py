@@ -127,7 +127,8 @@ class _HandCandidate(NamedTuple):
 def fingers_of(root: ET.Element) -> FingerHand | None:
     """Find the fingers in the ``robot`` element of a URDF.
 
-    Returns None if the robot has no fingers, or if it is not clear at which end they are closed.
+    Returns None if no joints are recognized as fingers, or if several fingers are at the same distances at both ends,
+    so that it is not clear where they are closed. A single jaw of this sort counts as closed at its lower end.
     """
     joints = {
         name_of(joint): joint
@@ -161,16 +162,16 @@ def fingers_of(root: ET.Element) -> FingerHand | None:
 def _jaw(root: ET.Element, joints: Mapping[str, ET.Element]) -> FingerHand | None:
     """Find the only moving jaw of a hand whose other jaw is fixed, as most hobby arms have it.
 
-    An import marks the joint that its user names. Unless one is marked, it is the only joint at the end of the tree
-    whose own name or link's name is that of a finger. The link that holds it has to move, and to have a shape, which is
-    the fixed jaw.
+    An import marks the joint that its user names, which needs nothing else but limits. Without a mark, the jaw is the
+    only joint at the end of the tree whose own name or link's name is that of a finger; the link that holds it then has
+    to move, and to have a shape, which is the fixed jaw.
 
     Args:
         root: the ``robot`` element.
         joints: the moving joints, by name.
 
     Returns:
-        a hand with one finger, or None if there is not exactly one such jaw with limits.
+        a hand with one finger, or None if there is not exactly one such joint, or if this joint has no limits.
     """
     marked = [name for name, joint in joints.items() if joint.find(JAW) is not None]
     found = marked or _joints_named_as_jaws(root, joints)
@@ -284,8 +285,8 @@ def _joints_that_follow(joints: Mapping[str, ET.Element]) -> _HandCandidate | No
         joints: the joints that can move, by name.
 
     Returns:
-        the candidate, or None if no joint follows another one of `joints`, or if the joint that most others follow
-        has no limits.
+        the candidate, or None if no joint follows another one of `joints` with a factor other than 0, or if the joint
+        that most others follow lacks a limit.
     """
     # For each leader: the travels of the leader and of its followers, by the joint's name.
     groups: dict[str, dict[str, _Travel]] = {}
@@ -316,8 +317,9 @@ def _joints_that_follow(joints: Mapping[str, ET.Element]) -> _HandCandidate | No
 def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _HandCandidate | None:
     """Find the link on which most joints slide side by side at the ends of the tree.
 
-    Returns None if there are fewer than two such joints, or more than _MOST_FINGERS. The first position of each joint
-    is the end of its travel at which the fingers are nearest to each other.
+    Joints that lack a limit do not count. Returns None if there are fewer than two such joints, or more than
+    _MOST_FINGERS. The first position of each joint is the end of its travel at which the fingers are nearest to each
+    other.
 
     Args:
         root: the ``robot`` element.
@@ -356,8 +358,9 @@ def _joints_that_slide(root: ET.Element, joints: Mapping[str, ET.Element]) -> _H
 def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], hand: _HandCandidate) -> bool:
     """Whether the fingers are the only moving joints beyond the palm, in two branches or more.
 
-    Some joint has to move the palm, as the wrist of an arm does. In the file of a gripper alone nothing moves the palm,
-    and a joint or a link has to be named as a finger: the axes of a machine that slide from its frame are no fingers.
+    The robot needs other moving joints as well, as a hand on an arm has them. In the file of a gripper alone there are
+    none, and a joint or a link has to be named as a finger: the axes of a machine that slide from its frame are no
+    fingers.
 
     Args:
         root: the ``robot`` element.
@@ -372,12 +375,12 @@ def _is_hand(root: ET.Element, joints: Mapping[str, ET.Element], hand: _HandCand
         names = {name_of(joint), *(name_of(other) for other in _joints_beyond(starts, joint))}
         if beyond & names:
             moving_branches += 1
-    has_moving_palm = len(beyond) < len(joints)
+    has_other_joints = len(beyond) < len(joints)
     finger_names = [
         name for finger in hand.travels for name in (finger, link_of(joints[finger], "child"))
     ]
     is_named = any(_JAW_NAME.search(name) for name in finger_names)
-    return beyond == hand.travels.keys() and moving_branches > 1 and (has_moving_palm or is_named)
+    return beyond == hand.travels.keys() and moving_branches > 1 and (has_other_joints or is_named)
 
 
 def _joints_beyond(starts: Mapping[str, list[ET.Element]], joint: ET.Element) -> list[ET.Element]:
@@ -418,7 +421,7 @@ def _joint_motion(joint: ET.Element, position: float) -> RigidTransform:
     """Compute the motion of a joint from its zero to a position: a translation or a rotation along or about its axis.
 
     Args:
-        joint: a joint that slides or turns.
+        joint: a joint that slides or turns, or a fixed joint, whose position is 0.
         position: the position [rad or m].
     """
     # The axis of a joint without an element <axis> is x, by the definition of URDF.

@@ -84,7 +84,8 @@ def with_followers(
         positions: positions of the axes, shape (..., n) [rad or m].
 
     Returns:
-        the positions with those of followers replaced, shape (..., n) [rad or m].
+        the positions with those of followers replaced, shape (..., n) [rad or m]; ``positions`` itself if there are no
+        followers.
     """
     if not followers:
         return positions

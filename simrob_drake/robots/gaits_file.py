@@ -60,10 +60,10 @@ def gaits_file(robot: str | RobotModel) -> GaitsFile:
     """Read the file of gaits of a robot.
 
     Args:
-        robot: name of a robot of the package, or the model of any robot.
+        robot: name of a robot of the package or of an extension, or the model of any robot.
 
     Raises:
-        UnknownName: the package has no robot of this name.
+        UnknownName: there is no robot of this name.
         InvalidParameter: the robot has no file of gaits.
         InvalidConfig: the file cannot be read, or ``facing_deg`` is missing or wrong.
     """

@@ -1,10 +1,11 @@
 """How the fingers of a hand close, and the frame in which they grasp.
 
 The shape of a finger is its collision shapes, meshes as convex hulls. The *opening* of a hand is a fraction: 0 with all
-fingers closed, 1 with all fingers open. The *tips* are the two links that reach farthest from the *palm*, the link that
-holds the fingers. Parallel lines along the direction in which the two tips close, one at each point of a grid, measure
-the *gap* between their inner faces. The faces meet where the gap is smallest. If faces are longer than wide, the
-outermost square of them counts.
+fingers closed, 1 with all fingers open. The *palm* is the link that holds the fingers. The *tip* of a finger is its
+link that reaches farthest from the palm; the tips of the two fingers that reach farthest are measured. Parallel lines
+along the direction in which these two tips close, one at each point of a grid, measure the *gap* between their inner
+faces. The faces meet where the gap is smallest. The frame in which they grasp is in the middle of the faces that meet
+or, if these are longer than wide, of the outermost square of them.
 
 All points and directions are in the frame of the palm, unless something else is said.
 """
@@ -80,7 +81,8 @@ class Stroke:
 
     Attributes:
         gaps: gap between these faces [m] at evenly spaced openings from 0 to 1. It never decreases.
-        fingers: count of the fingers.
+        fingers: count of the fingers that have shapes and reach nearly as far as the longest one; count of their axes
+            if no shapes were measured.
         travel: sum over all axes of the fingers of their travel from closed to open [rad, or m for prismatic axes].
     """
 
@@ -113,7 +115,7 @@ def stroke_of(model: RobotModel) -> Stroke | None:
     """Measure the gap between a robot's fingers over the opening of the hand.
 
     If no two shapes close on each other, sliding fingers are taken to meet where they are closed. Returns None if the
-    robot has no fingers, or if no two shapes close on each other and the fingers turn.
+    robot has no fingers, or if no two shapes close on each other and at least one finger turns.
     """
     if not model.fingers:
         return None
@@ -269,7 +271,7 @@ class _Hand:
     def stroke(self) -> Stroke | None:
         """Measure the gap between the faces that meet first, over the opening.
 
-        Returns None if no two fingers close on each other.
+        Returns None if :meth:`meeting` finds no two fingers that close on each other.
         """
         meeting = self.meeting()
         if meeting is None:
@@ -300,7 +302,11 @@ class _Hand:
         )
 
     def meeting(self) -> _Meeting | None:
-        """Find where two fingers meet first when they close. Returns None if no two fingers close on each other."""
+        """Find where the two fingers that reach farthest meet first when they close.
+
+        Returns None if fewer than two fingers have shapes, if the two tips do not move against each other, if they lie
+        in the palm, or if no line along their movement hits both in the closed hand.
+        """
         tips = self._tips()
         if len(tips) < 2:
             return None
@@ -416,7 +422,7 @@ class _Hand:
             rotation: rotation matrix of the frame in which they grasp, shape (3, 3).
 
         Returns:
-            the meeting, or None if no line along the direction hits both tips.
+            the meeting, or None if no line along the direction hits both tips of the closed hand.
         """
         # If the closed fingers only touch, or leave a gap, no search is needed.
         measured = self._measure_gaps(tips, direction, rotation, 0.0)
@@ -454,7 +460,7 @@ class _Hand:
 
         Args:
             tips: the two fingertips.
-            direction: unit vector along the lines, shape (3,).
+            direction: unit vector along the lines, from the first to the second tip, shape (3,).
             rotation: rotation matrix of the frame in which they grasp. The grid is along its x and z axes.
             opening: the opening of the hand.
 

@@ -149,8 +149,10 @@ class Entry:
         """Convert an entry of a report file. Those of versions before 0.2 have English texts only.
 
         Raises:
+            AttributeError: the content is no mapping.
             LookupError: a key is missing.
-            TypeError: the content is no mapping, or a message is damaged.
+            TypeError: ``messages`` is no mapping, or the fields or the template of a message have a wrong type.
+            ValueError: the template of a message is one that no message may have, or a field of it has no value.
         """
         # A report without ids can be read, but it is shown in English only.
         messages = content.get("messages", content)
@@ -201,7 +203,10 @@ class ImportReport:
         )
 
     def summary(self) -> str:
-        """Write the counts of entries in one line, such as ``3 repaired, 6 defaulted``."""
+        """Write the counts of entries in one line, such as ``3 repaired, 6 defaulted``.
+
+        Entries of the kind ``read`` are not counted. If there are no others, the text is ``nothing to repair``.
+        """
         counts = Counter(entry.kind for entry in self.entries)
         # Entries of the kind "read" have changed nothing, and would be the larger part of a summary.
         parts = [

@@ -108,8 +108,8 @@ class AxisLimits:
             postures: positions of the n axes, shape (k, n) [rad or m]; the first posture is searched first.
 
         Returns:
-            the position and the limit in words, in degrees or metres, or None if all positions are within the limits,
-            up to the tolerance.
+            the position and the limit in words, in degrees or metres, or None if no position is beyond a limit by more
+            than the tolerance. NaN is not beyond a limit.
         """
         outside = self.excess(postures) > 0.0
         if not outside.any():
@@ -152,7 +152,8 @@ class AxisLimits:
     def clamp(self, positions: Vector, what: str) -> Vector:
         """Copy positions, with those that are beyond a limit by rounding moved to that limit.
 
-        A warning of class ``ClampedPosition`` names each axis that is moved by more than arithmetic rounding.
+        Each axis with a position that is moved by more than arithmetic rounding gets a warning of class
+        ``ClampedPosition``.
 
         Args:
             positions: positions of the n axes, shape (..., n) [rad or m]. The caller has checked that no position is
@@ -211,7 +212,8 @@ def middles(limits: AxisLimits, units: Vector) -> Vector:
         units: size of one of the user's units in SI for each axis, shape (n,): pi/180 for degrees, 1 for metres.
 
     Returns:
-        positions in the user's units, shape (n,), rounded to six digits so that a station file can hold them.
+        positions in the user's units, shape (n,), rounded to six significant digits so that a station file can hold
+        them.
     """
     # A range that misses zero by rounding, such as 1e-6 to 1, does not exclude it.
     excludes_zero = limits.excess(np.zeros(len(units))) > 0.0

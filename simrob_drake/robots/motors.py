@@ -98,7 +98,8 @@ class Motor(Strict):
     def line(self) -> tuple[float, float]:
         """Stall torque [N·m or N] and no-load speed [rad/s or m/s] at the voltage of the supply.
 
-        The motor must have both values. Without a ``supply``, they count as given at the voltage of the supply.
+        The stall torque is the lower one to which the resistance of the supply reduces it. The efficiency of the gear
+        is not in it. The motor must have both values. Without a ``supply``, they count as given at its voltage.
         """
         assert self.stall_torque is not None
         assert self.no_load_speed is not None

@@ -154,7 +154,8 @@ def lone_robot(robot: RobotModel, *, floating: bool = False, collision: bool = T
         collision: whether the robot gets its collision shapes.
 
     Raises:
-        InvalidModel: Drake cannot read the robot, or a mesh is missing.
+        InvalidModel: Drake cannot read the robot; or a mesh is missing, is outside the robot's folder, or has a format
+            that Drake does not read.
     """
     builder = DiagramBuilder()
     plant, scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)

@@ -386,12 +386,12 @@ class PieceModel(Strict):
 
 
 def piece_names() -> list[str]:
-    """Return the names of the pieces that come with the package."""
+    """Return the names of the pieces that come with the package and with extensions."""
     return list(piece_files())
 
 
 def piece_file(name: str) -> Path:
-    """Return the file of a piece of the package.
+    """Return the file of a piece of the package, or of an extension, by its name.
 
     Raises:
         UnknownName: there is no such piece.
@@ -420,7 +420,8 @@ def with_changes(piece: PieceModel, changes: Mapping[str, Any], where: str) -> P
     """Replace values of a piece, and compute the mass properties that follow from them.
 
     A new mass removes the density. A new density removes the mass, the centre of mass and the inertia, unless they are
-    given as well. An inertia that the piece's file gives stays as it is with a new mass, and is not scaled.
+    given as well. With a new mass, an inertia and a centre of mass that the piece's file gives stay as they are: the
+    inertia is not scaled.
 
     Args:
         piece: the piece as its file describes it.

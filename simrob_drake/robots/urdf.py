@@ -300,8 +300,8 @@ def read_urdf(path: Path) -> ET.Element:
     """Read the ``robot`` element of a URDF.
 
     Raises:
-        InvalidModel: the file cannot be read, is too large, is a xacro file or no XML, declares entities, or its
-            outermost element is not ``robot``.
+        InvalidModel: the file cannot be read, is too large or has too many tags, is a xacro file or no XML, declares
+            entities or a document type, or its outermost element is not ``robot``.
     """
     try:
         text = text_of(path, LARGEST_URDF)
@@ -498,7 +498,8 @@ def mesh_file(uri: str, folder: Path) -> Path:
         folder: the folder. Meshes must be in it; robots of the package may also use those of each other.
 
     Raises:
-        InvalidModel: the mesh is missing, is outside the folder, or has a format that Drake does not read.
+        InvalidModel: the name is no possible name of a file, or names a package; or the mesh is missing, is outside the
+            folder, or has a format that Drake does not read.
     """
     try:
         path = (folder / uri.removeprefix("file://")).resolve()

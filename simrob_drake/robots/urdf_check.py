@@ -454,7 +454,8 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
         refuse: makes the error.
 
     Raises:
-        InvalidModel: mass or moments are missing, negative or impossible.
+        InvalidModel: ``<mass>`` or ``<inertia>`` is missing, the mass is negative, there are moments without mass, or
+            no body can have such moments.
     """
     inertial = link.find("inertial")
     if inertial is None:
@@ -486,7 +487,7 @@ def _check_inertial(link: ET.Element, refuse: Refuse) -> None:
 
 
 def shape_defect(shape: ET.Element) -> str:
-    """Write the defect in the sizes of a shape, or that a mesh names no file. Returns an empty text if it has none.
+    """Write the defect in the sizes of a shape, or that a mesh has no ``filename``. Returns an empty text if neither.
 
     Args:
         shape: child of a ``<geometry>``, such as a ``<box>``. Shapes of unknown tags have no defect.
@@ -529,7 +530,7 @@ def numbers_in(text: str) -> list[float] | None:
 def _check_materials(root: ET.Element, refuse: Refuse) -> None:
     """Check that each material has a colour, its own or that of another material of its name.
 
-    Drake reads nothing else of a material.
+    Drake reads nothing else of a material. Materials of visuals are checked only if they have a name.
 
     Args:
         root: the ``robot`` element.
@@ -556,8 +557,8 @@ def _check_materials(root: ET.Element, refuse: Refuse) -> None:
 def _check_actuators(root: ET.Element, refuse: Refuse) -> None:
     """Check that every joint that moves has one motor that Drake reads, or is passive.
 
-    A joint is passive if other joints have motors, and either no transmission drives this joint or its effort is 0. In
-    a file without any motor, no joint counts as passive: the file does not describe motors at all.
+    A joint is passive if other joints have motors, and either no transmission drives this joint or its file states an
+    effort of 0. In a file without any motor, no joint counts as passive: the file does not describe motors at all.
 
     Args:
         root: the ``robot`` element.

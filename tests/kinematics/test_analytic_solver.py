@@ -245,6 +245,27 @@ def test_rounded_figures_are_polished_away(name, dh_chain, random_postures, tabl
     assert _error(chain, solutions.positions, targets) < PROMISED
 
 
+def test_a_wrist_without_right_angles_takes_a_posture_that_turns_the_tool(dh_chain, tables):
+    """Some postures bring the wrist to its place, but cannot turn the tool: they neither count nor are they taken."""
+    rows = list(tables["irb120"])
+    offset, d, a, _ = rows[4]
+    rows[4] = (offset, d, a, -np.pi / 3)  # axis 6 is 60 degrees from axis 5
+    chain = dh_chain(rows)
+    targets = chain.forward(np.random.default_rng(1).uniform(-1.5, 1.5, (50, 6)))
+    solver = AnalyticSolver(chain)
+
+    postures, is_good = solver.postures(targets, np.zeros(6))
+
+    misses = np.abs(chain.forward(postures.reshape(-1, 6)).reshape(50, 8, 4, 4) - targets[:, None])
+    is_near = misses.max(axis=(2, 3)) < 1e-9
+    assert (is_near[is_good]).all()
+    assert (~is_near).any()
+    # Each start is a posture that misses the orientation, so that another posture is farther from it.
+    missing = np.argwhere(~is_near & is_good.any(axis=1, keepdims=True))
+    starts = postures[missing[:, 0], missing[:, 1]]
+    assert solver.solve(targets[missing[:, 0]], starts).reached.all()
+
+
 def test_other_tools_and_oblique_feet(irb120_chain, random_postures):
     chain = irb120_chain.with_tool([0.02, -0.03, 0.148, 0.5, 0.3, -0.2])
     postures = random_postures(chain, 200)
