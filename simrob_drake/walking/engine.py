@@ -103,7 +103,7 @@ class WalkingEngine:
         """
         steps = self.planner.steps
         # The left group of feet (1) stands, as in a Step by default, and the right one (0) is the swing foot beside it.
-        right_foot = steps.places_beside[0]
+        right_foot = steps.standing_places[0]
         middle = steps.middle(1, right_foot)  # of both feet, over which the zero-moment point is
         stride = Stride(
             step=Step(zmp_from=middle),

@@ -850,7 +850,7 @@ class WalkPlanner:
         """
         swinging = stride.step.sides[1]
         # Where the foot would stand at the end of a walk: next to the stance foot, on even ground.
-        next_to_stance_foot = Landing(stride.landing.time, self.steps.places_beside[swinging])
+        next_to_stance_foot = Landing(stride.landing.time, self.steps.standing_places[swinging])
         side_by_side = self._shift_to_even_ground(stride, estimate, next_to_stance_foot)
         distance = abs(stride.swing.place - side_by_side.place)
         turn_back = abs(stride.corrections.turn_back)

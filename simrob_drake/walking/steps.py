@@ -173,7 +173,7 @@ class Steps:
         right = complex(parameters.zmp_ahead, parameters.zmp_inward)
         left = complex(parameters.zmp_ahead, -parameters.zmp_inward)
         self.rest_points = (right, left)
-        self.places_beside = (complex(0.0, -2.0 * half_width), complex(0.0, 2.0 * half_width))
+        self.standing_places = (complex(0.0, -2.0 * half_width), complex(0.0, 2.0 * half_width))
 
     def middle(self, standing: int, foot: complex) -> complex:
         """Position of the zero-moment point while the robot stands on both feet [m].
@@ -224,7 +224,7 @@ class Steps:
             turn: turn of the robot in the step, as a complex number of length one: exp(i yaw).
         """
         # From the stance foot to the robot's middle, and from there to the swing foot's side, which has turned.
-        to_side = 0.5 * self.places_beside[swinging]
+        to_side = 0.5 * self.standing_places[swinging]
         return command.speed * self._pace + to_side + turn * to_side
 
     def dcm_at_start(

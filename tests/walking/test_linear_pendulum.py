@@ -176,7 +176,7 @@ class TestAdjustedLandings:
         condition = steps.dcm_at_landing(0, self.command, OMEGA)
         rest = steps.rest_points[0]
         far_away = DivergentComponent(1.0 + 1.0j, OMEGA, now=0.0, lift_off=0.3, zmp=rest, rest=rest)
-        foot = steps.places_beside[1]
+        foot = steps.standing_places[1]
 
         adjusted = steps.adjust_landing(1, planned, far_away, foot, condition)
 

@@ -61,7 +61,7 @@ def make_planner(
 
 def at_rest(planner: WalkPlanner) -> Stride:
     """State of a robot that stands."""
-    foot = planner.steps.places_beside[0]
+    foot = planner.steps.standing_places[0]
     middle = planner.steps.middle(1, foot)
     return Stride(Step(zmp_from=middle), Swing(foot), trunk=Trunk(com=middle, zmp=middle))
 

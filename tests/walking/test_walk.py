@@ -84,7 +84,9 @@ class TestKinematics:
         state = observe_at_rest(body, posture, 1.0)
         right, left = (pose_of(foot) for foot in state.feet)
         between = right.inverse() @ left
-        assert between.translation() == pytest.approx([0, steps.places_beside[1].imag, 0], abs=2e-6)
+        assert between.translation() == pytest.approx(
+            [0, steps.standing_places[1].imag, 0], abs=2e-6
+        )
         assert between.rotation().IsNearlyIdentity(2e-6)
         assert state.lowest[0] == pytest.approx(state.lowest[1], abs=2e-6)
 
