@@ -140,11 +140,23 @@ def free_path(path: Path, *, is_folder: bool = False) -> Path:
     """Find a path that does not exist: the given one, or one with a number, such as ``plot-2.png``.
 
     The number of a file stands before its ending. What follows a point in the name of a folder is no ending.
+
+    Raises:
+        OutputError: all numbers up to 999 are taken.
     """
     ending = "" if is_folder else path.suffix
     stem = path.name.removesuffix(ending)
     numbered = (path.with_name(f"{stem}-{number}{ending}") for number in range(2, 1000))
-    return next(one for one in (path, *numbered) if not os.path.exists(one))
+    free = next((one for one in (path, *numbered) if not os.path.exists(one)), None)
+    if free is None:
+        raise OutputError(
+            message(
+                "base.numbers_taken",
+                "{path} exists already, and so do those with numbers up to 999",
+                path=path,
+            )
+        )
+    return free
 
 
 def check_folder(folder: Path, *, marker: str, force: bool) -> None:

@@ -682,11 +682,12 @@ def _find_pieces(trajectory: Trajectory) -> _Pieces:
         for piece in range(trajectory.get_number_of_segments())
         for row in range(trajectory.rows())
     )
-    # At the ends, the jump is that from or to rest, which samples with velocities reproduce.
+    # `corner_times` has the ends, too. There the jump is that from or to rest, which samples with velocities reproduce.
     inner_corners = set(corner_times(trajectory)) - {trajectory.start_time(), trajectory.end_time()}
     return _Pieces(
         breaks=np.array(trajectory.get_segment_times()),
-        are_smooth_cubics=largest_degree < _CUBIC_ORDER and not inner_corners,
+        # A polynomial of degree 3 has the order 4.
+        are_smooth_cubics=largest_degree <= _CUBIC_ORDER - 1 and not inner_corners,
     )
 
 

@@ -251,7 +251,9 @@ def _simulate(config: StationConfig, live: bool) -> SimulationResult:
 
 
 def _run_tighter(result: SimulationResult) -> ExitCode:
-    """Run a station again with ten times tighter accuracy, and show the differences between the two runs.
+    """Run a station again with a ten times tighter solver, and show the differences between the two runs.
+
+    Its accuracy and its longest step are divided by ten; of a solver with fixed steps, the step.
 
     Small differences mean that the accuracy of the solver does not decide the result.
 
@@ -270,7 +272,7 @@ def _run_tighter(result: SimulationResult) -> ExitCode:
         return ExitCode.DONE
     # A factor of ten is far more than rounding changes, and the run still ends in a reasonable time.
     tighter_solver = result.config.solver.tighter()
-    # All other keys stay, and the seeds with them: the accuracy is the only difference.
+    # All other keys stay, and the seeds with them: the solver is the only difference.
     tight = simulate(result.config.model_copy(update={"solver": tighter_solver}))
     console.print(convergence_table(result, tight))
     usual = result.config.solver.model_dump()

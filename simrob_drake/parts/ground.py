@@ -179,7 +179,8 @@ class Ground:
         """
         # Slab method. A line in the axes of a box is start + z up, with the height z. It is between the two faces of an
         # axis while -half <= start + z up <= half, and in the box while this holds for all three axes. A line along the
-        # faces of an axis (up is 0) is between them at all heights, or at none; a line in a face is.
+        # faces of an axis (up is 0) is between them at all heights, or at none. A line that lies in a face counts as
+        # between them.
         boxes = self._boxes_near(points)
         # The world's vertical in the axes of each box, shape (k, 1, 3). A box that stands upright has components of 0.
         vertical = boxes.rotations[:, 2:]
@@ -193,9 +194,10 @@ class Ground:
         at_negative_faces = (-boxes.halves - start) / up
         at_positive_faces = (boxes.halves - start) / up
         at_faces = np.sort(np.stack([at_negative_faces, at_positive_faces]), axis=0)
-        always = np.where(np.abs(start) <= boxes.halves, np.inf, -np.inf)
-        lower = np.where(is_along, -always, at_faces[0])
-        upper = np.where(is_along, always, at_faces[1])
+        # For lines along the faces: between them up to any height, or never.
+        upper_if_along = np.where(np.abs(start) <= boxes.halves, np.inf, -np.inf)
+        lower = np.where(is_along, -upper_if_along, at_faces[0])
+        upper = np.where(is_along, upper_if_along, at_faces[1])
         # The line enters the box once it is between the faces of all axes, and leaves it at the first face after that.
         enter = lower.max(axis=2)
         leave = upper.min(axis=2)

@@ -29,8 +29,8 @@ def html_of_remarks(sentence: str, remarks: Sequence[Remark], rows: Sequence[Seq
 
     Args:
         sentence: the sentence that sums the run up; it is left out if it is empty.
-        remarks: remarks of the verdict. The first gives the severity, and so the colour, of the sentence; the others
-            are warnings and notes.
+        remarks: remarks of the verdict, at least one. The first gives the severity, and so the colour, of the sentence;
+            the others are warnings and notes.
         rows: rows of the table of criteria, with its headings first.
     """
     summary, *further = remarks

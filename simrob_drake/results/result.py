@@ -225,6 +225,7 @@ class SimulationResult(RecordedRun):
         notes = [estimate for estimate in estimates if estimate is not None]
         for run in self.runs or (self,):
             notes += empty_grips(run)
+        # A program has no moves of its own: those of its runs are in their verdicts, which are joined to this one.
         own_moves = [judge_move(self, move) for move in self.moves]
         return replace(verdict, notes=tuple(notes), moves=(*own_moves, *verdict.moves))
 

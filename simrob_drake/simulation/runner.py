@@ -892,7 +892,7 @@ class RunBranch:
         """
         self.at = at
         self._runner = runner
-        self._reference = reference
+        self._user_reference = reference
         self._config = runner.config
         self._diagrams = diagrams
         self._blocks = blocks
@@ -941,7 +941,7 @@ class RunBranch:
             return self._diagrams
         # They have the same states as those of the branch, since a push has no state. They play the references that the
         # user gave for the branch, from the same positions.
-        requested = by_robot(config, self._reference)
+        requested = by_robot(config, self._user_reference)
         return self._runner._diagrams_for(config, requested, self._origins)
 
     @drake_asserts()
@@ -971,7 +971,7 @@ class RunBranch:
             SimrobError, VerdictError: as :meth:`Runner.run`.
         """
         if self._trunk is None:
-            self._trunk = self._runner.run(reference=self._reference, duration=self.at)
+            self._trunk = self._runner.run(reference=self._user_reference, duration=self.at)
         trunk = self._trunk
         # A run that ended before the branch is the whole run. Each run of a Runner has recorded states.
         if trunk.ending != "completed" or trunk.trace is None:

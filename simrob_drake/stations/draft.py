@@ -458,8 +458,8 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
 
     Args:
         robot: the robot.
-        reference: section of the first move, of which the targets of the arm's axes are used; the fingers stay where
-            they are during that move.
+        reference: the station's section ``reference``, of which the targets of the arm's axes are used; the fingers
+            stay where they are during that move.
 
     Returns:
         the moves, as they are written in the station's file. The first one is left out if the reference has no target.
@@ -477,6 +477,7 @@ def _first_moves(robot: RobotModel, reference: Mapping[str, Any]) -> list[dict[s
     if arm_target:
         moves.append({"target_deg": arm_target, "duration": _MOVE})
     stroke_time = abs(opened - almost_closed) / robot.speed_limits[leader]
+    # Duration of a move of the fingers [s].
     duration = max(_FINGER_MOVE, float(np.ceil(10 * _FINGER_MARGIN * stroke_time) / 10))
     # Only the leader has a target: couplings take the other fingers along.
     for position in (almost_closed, opened):

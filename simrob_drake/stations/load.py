@@ -589,8 +589,9 @@ def _station_file(name_or_path: str | Path) -> Path:
 
     Raises:
         InvalidParameter: the argument is no text and no path.
-        UnknownName: the package has no station of this name, or the path is that of an existing file that is not YAML.
-        InvalidConfig: the path is a folder, or the file does not exist.
+        UnknownName: the package has no station of this name, or the path is that of an existing file that is neither
+            YAML nor a robot.
+        InvalidConfig: the path is a folder or the file of a robot, or the file does not exist.
     """
     if not isinstance(name_or_path, (str, Path)):
         expected = message(

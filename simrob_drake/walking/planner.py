@@ -547,10 +547,10 @@ class WalkPlanner:
         share = max(min((time - step.transfer) / duration, 1.0), swing.share)
         # Part of the remaining way that is done in this sample. The landing may have moved since the last sample. The
         # `swing_peak` is the peak speed of the foot over its mean speed.
-        part = progress_since(swing.share, share, self._parameters.swing_peak)
+        part_of_rest = progress_since(swing.share, share, self._parameters.swing_peak)
         new_swing = Swing(
-            place=swing.place + part * (landing.place - swing.place),
-            yaw=swing.yaw + part * (landing.yaw - swing.yaw),
+            place=swing.place + part_of_rest * (landing.place - swing.place),
+            yaw=swing.yaw + part_of_rest * (landing.yaw - swing.yaw),
             share=share,
         )
 

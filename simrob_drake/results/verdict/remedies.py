@@ -186,8 +186,8 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
     """Remedy of an axis or a tool that moves too fast: more time, in proportion to its speed.
 
     If a servo swings about its reference, it is damping. For a robot with a floating base it is slower steps or another
-    motion. If the reference of another robot begins away from the robot, it is another start. Returns None if no robot
-    is found.
+    motion. For a robot on a fixed base whose reference begins away from it, it is another start. Returns None if no
+    robot is found.
 
     Args:
         run: the run.
@@ -211,9 +211,10 @@ def more_time_for_speed(run: RecordedRun, entry: WorstValue) -> Remedy | None:
 
 
 def _slower_legs(run: RecordedRun, robot: StationRobot, subject: str) -> Remedy:
-    """Remedy of an axis of a robot on legs that moves too fast: slower steps, if a walk moves this axis.
+    """Remedy of an axis of a robot on legs that moves too fast, or whose motor is at its limit: slower steps.
 
-    A walk may be a controller of the station, or a planned move of a program. For other axes it is another motion.
+    This is so for an axis of a leg if a walk moves it: a controller of the station, or a planned move of a program. For
+    other axes it is another motion.
 
     Args:
         run: the run.

@@ -311,9 +311,11 @@ class Tuner:
         self._label.text = f"{number} {self.tuning.unit}"
 
     async def _give_after_pause(self, exponent: float | None) -> None:
-        """Give the value, unless another press of a key follows soon: each change loads the station anew.
+        """Give the value, unless another press or release follows soon: each change loads the station anew.
 
-        The exponent comes with the press. The slider's own value arrives by another way, at times long after it.
+        Args:
+            exponent: where the slider is, as the event of the press has it. The property of the slider is set by
+                another event, which may arrive long after this one.
         """
         self._presses += 1
         this_press = self._presses

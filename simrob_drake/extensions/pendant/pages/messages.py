@@ -50,12 +50,14 @@ class Messages:
             if notice.judged is not None:
                 text = self._t("run.old_verdict", number=notice.judged.number)
                 self._age = ui.label(text).classes("pendant-age")
+            # A notice is a text of its own (with a key in the words, or an error), remarks about a run, or both.
             if notice.key or not notice.remarks:
                 self._build_line(notice.severity, self._text_of(notice))
             for remark, text in zip(notice.remarks, notice.lines(self._t.render), strict=True):
                 self._build_line(remark.severity, text)
                 if remark.remedy is not None:
                     self._build_remedy(remark.remedy)
+            # The verdict of a run that failed has no criteria.
             if notice.criteria:
                 self._build_table(notice.criteria, is_open=notice.severity == "warning")
         self._follow_run()
@@ -105,7 +107,7 @@ class Messages:
             self._buttons.append(button.props("dense no-caps outline"))
 
     def _build_table(self, criteria: Sequence[CriterionRow], *, is_open: bool) -> None:
-        """Build the table of criteria, unfolded if one of them is violated."""
+        """Build the table of criteria, unfolded if ``is_open``."""
         t = self._t.render
         fold = (
             ui.expansion(self._t("run.criteria"), value=is_open)

@@ -83,7 +83,7 @@ class _Page:
         self._asked = True
         self._content_of_block: _BlockContent | None = None  # None if no block is shown
         # Values in the middle of the sliders of the chosen block, by the name of the slider: those at its first choice.
-        self._middles = dict[str, float]()
+        self._slider_middles = dict[str, float]()
         self._tuners: list[Tuner] = []  # the sliders of the chosen block
         self._plotted: list[str] = []  # signals of which the chosen block or line shows plots
         self._wires, self._shown_values = dict[str, BlockMeaning](), dict[str, str]()
@@ -414,12 +414,13 @@ class _Page:
             return
         content = self._find_content(block)
         if content == self._content_of_block:
+            # The label of the block is no part of the content, and may have changed.
             self._block_title.text = self._picture.labels.get(block, block)
             return
         before = self._content_of_block
         self._content_of_block = content
         if before is None or content.block != before.block:
-            self._middles.clear()
+            self._slider_middles.clear()
             self._tuners = []
             self._build_block()
         self._fill_block(content)
@@ -470,32 +471,38 @@ class _Page:
             self._build_wires(content.wires)
 
     def _fill_sliders(self, meaning: BlockMeaning, fields: Sequence[Field]) -> None:
-        """Build the sliders of a block, unless those that stand there will do.
+        """Build the sliders of a block, unless those that are there may stay.
 
-        Those of a joint change this joint alone, and say so.
+        A note says whether they change one joint or all; other blocks have none. Sliders of a joint's block change this
+        joint alone.
+
+        Args:
+            meaning: what the block stands for.
+            fields: fields of the form for the keys of the block.
         """
         axes = self._axes_of(meaning.robot)
         if meaning.axis in axes:
             tuned = [self._axis_tuning(meaning, field, axes) for field in fields]
-            sliders = [tuning for tuning in tuned if tuning is not None]
+            tuned_numbers = [tuning for tuning in tuned if tuning is not None]
             note = self._t("station.tunes_one", axis=meaning.axis)
         else:
-            sliders = tunings(fields, self._give)
+            tuned_numbers = tunings(fields, self._give)
             note = self._t("station.tunes_all") if meaning.axis == ALL_AXES else ""
-        sliders = [
-            tuning._replace(middle=self._middles.setdefault(tuning.name, tuning.value))
-            for tuning in sliders
+        # The middle of a slider stays where it was when the block was chosen.
+        tuned_numbers = [
+            tuning._replace(middle=self._slider_middles.setdefault(tuning.name, tuning.value))
+            for tuning in tuned_numbers
         ]
-        stand = len(self._tuners) == len(sliders) and all(
-            tuner.holds(tuning) for tuner, tuning in zip(self._tuners, sliders, strict=True)
+        may_stay = len(self._tuners) == len(tuned_numbers) and all(
+            tuner.holds(tuning) for tuner, tuning in zip(self._tuners, tuned_numbers, strict=True)
         )
-        if stand:
+        if may_stay:
             return
         self._block_sliders.clear()
         with self._block_sliders:
-            if sliders and note:
+            if tuned_numbers and note:
                 ui.label(note).classes("text-sm")
-            self._tuners = [Tuner(tuning, self._t) for tuning in sliders]
+            self._tuners = [Tuner(tuning, self._t) for tuning in tuned_numbers]
 
     def _axis_tuning(
         self, meaning: BlockMeaning, field: Field, axes: Sequence[str]
