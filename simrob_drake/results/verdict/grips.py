@@ -70,16 +70,16 @@ def measure_lost_piece(run: RecordedRun) -> Measured | None:
 
 
 def empty_grips(run: RecordedRun) -> list[Message]:
-    """Say which grips of a run ended without a piece between the fingers; not which pieces they lost later.
+    """Find the grips that hold no piece at the end of their run, each as a sentence.
 
     The list is empty for a station without free pieces or without contact, in which fingers cannot hold anything.
     """
-    if not run.piece_contacts:
+    grips = [move for move in run.moves if move.kind == "grip"]
+    # Contacts are computed when they are first used, which takes time: only for runs with a grip.
+    if not grips or not run.piece_contacts:
         return []
     notes = []
-    for move in run.moves:
-        if move.kind != "grip":
-            continue
+    for move in grips:
         robot = run.plant.robots[move.robot]
         last_contacts = [contacts[-1:] for contacts in run.piece_contacts.values()]
         if any(_last_hold(contacts, robot) is not None for contacts in last_contacts):
